@@ -48,20 +48,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         stopped = "stopped" + (kept if command in RESUMABLE else "")
         print(f"blindspot {label}: {stopped}", file=sys.stderr)
         return 130
-    except ModuleNotFoundError as error:
-        return report(label, missing_extra(error))
     except Exception as error:
-        message = explained(error)
-        if message is None:
+        cause = missing_extra(error) if isinstance(error, ModuleNotFoundError) else explained(error)
+        if cause is None:
             raise
-        return report(label, message)
+        print(f"blindspot {one_line(f'{label}: {cause}')}", file=sys.stderr)
+        return 1 if isinstance(cause, NoResultError) else 2
     return code
-
-
-def report(label: str, error: InputError | NoResultError) -> int:
-    """Print an error in one line; returns its exit code."""
-    print(f"blindspot {one_line(f'{label}: {error}')}", file=sys.stderr)
-    return 1 if isinstance(error, NoResultError) else 2
 
 
 def parser(only: str = "") -> argparse.ArgumentParser:

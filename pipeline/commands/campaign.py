@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,23 +86,19 @@ class Search:
         return self.out or Path("data/by_hand", *parts)
 
 
-def number(least: int, most: int = MOST) -> Callable[[str, str], int]:
-    """A reader of a word's whole number from `least` to `most`, given its key and text."""
-
-    def read(key: str, text: str) -> int:
-        try:
-            return whole(least, most)(text)
-        except argparse.ArgumentTypeError as error:
-            raise InputError(f"{key}: {error}") from error
-
-    return read
+def read_whole(key: str, text: str, least: int, most: int = MOST) -> int:
+    """A whole number from `least` to `most`; InputError that names the key for another text."""
+    try:
+        return whole(least, most)(text)
+    except argparse.ArgumentTypeError as error:
+        raise InputError(f"{key}: {error}") from error
 
 
 READ: dict[str, Callable[[str, str], Any]] = {
     "scenario": lambda _, text: text,
     "strategy": lambda _, text: text,
-    "budget": number(1),
-    "seed": number(0, SEEDS - 1),
+    "budget": partial(read_whole, least=1),
+    "seed": partial(read_whole, least=0, most=SEEDS - 1),
     "model": lambda _, text: typed(text),
     "out": lambda _, text: typed(text),
 }

@@ -9,6 +9,7 @@ import argparse
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,8 @@ from pipeline.commands.campaign import (
     Search,
     check_folder,
     check_free,
-    number,
     planned,
+    read_whole,
     read_words,
     waiting,
 )
@@ -122,8 +123,8 @@ READ: dict[str, Callable[[str, str], Any]] = {
     "exposure": lambda _, text: str(typed(text)) if text.endswith((".yaml", ".yml")) else text,
     **dict.fromkeys(("model", "out"), lambda _, text: typed(text)),
     "method": read_method,
-    "budget": number(100),
-    "seed": number(0, SEEDS - 1),
+    "budget": partial(read_whole, least=100),
+    "seed": partial(read_whole, least=0, most=SEEDS - 1),
     "below": read_share,
 }
 """How each word is read, from its key and text; all others are overrides."""

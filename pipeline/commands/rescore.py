@@ -22,8 +22,6 @@ from pipeline.errors import InputError
 from pipeline.progress import Progress
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from pipeline.core.car import Car
     from pipeline.core.identity import CampaignId
 
@@ -92,12 +90,12 @@ def run(options: argparse.Namespace) -> int:
     print("\n".join(wrong) or f"all {len(campaigns)} campaigns: every KPI follows from {files}")
     rows: list[dict[str, Any]] = []
     for car in cars:
-        for version, folders in by_version(campaigns).items():
-            counts: Counter[str] = Counter()
-            for folder in folders:
-                counts.update(judged(folder, config, car, options))
-            criterion = {"threshold": car.criterion.threshold, "iou": car.criterion.iou}
-            rows.append({"version": version, **criterion, **counts})
+        counts: dict[str, Counter[str]] = {}
+        for folder, campaign in campaigns.items():
+            of_version = counts.setdefault(campaign.version, Counter())
+            of_version.update(judged(folder, config, car, options))
+        criterion = {"threshold": car.criterion.threshold, "iou": car.criterion.iou}
+        rows += [{"version": name, **criterion, **counts[name]} for name in counts]
     table = pd.DataFrame(rows).fillna(0)
     table = table.astype(
         {name: int for name in table if name not in ("version", "threshold", "iou")}
@@ -145,22 +143,15 @@ def check_campaigns(campaigns: Mapping[Path, CampaignId], config: Config) -> Non
                 )
 
 
-def by_version(campaigns: Mapping[Path, CampaignId]) -> dict[str, list[Path]]:
-    """The folders of campaigns by the version that they test."""
-    folders: dict[str, list[Path]] = {}
-    for folder, campaign in campaigns.items():
-        folders.setdefault(campaign.version, []).append(folder)
-    return folders
-
-
 def disagreements(folder: Path, config: Config) -> list[str]:
     """A text for each column of tests.parquet that does not follow from the other tables."""
     import pandas as pd
 
     from pipeline.analysis.rescoring import kpis, rescored
-    from pipeline.artefacts.tables import read_detections, read_signals
+    from pipeline.artefacts.tables import read_detections, read_signals, read_tests
 
-    tests, signals = valid_tests(folder), read_signals(folder / "signals.parquet")
+    tests, signals = read_tests(folder / "tests.parquet"), read_signals(folder / "signals.parquet")
+    tests = tests[is_valid(tests)]
     detections = read_detections(folder / "detections.parquet")
     threshold_s = config.campaign.failure_threshold_s
     again = kpis(rescored(signals, detections, config.car), threshold_s)
@@ -175,14 +166,6 @@ def disagreements(folder: Path, config: Config) -> list[str]:
     if missing:
         texts.append(f"{folder}: {missing} tests have no signals, or signals no test")
     return texts
-
-
-def valid_tests(folder: Path) -> pd.DataFrame:
-    """The tests of a campaign that are no errors."""
-    from pipeline.artefacts.tables import read_tests
-
-    tests = read_tests(folder / "tests.parquet")
-    return tests[is_valid(tests)]
 
 
 def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) -> dict[str, int]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import re
-from importlib import import_module
 
 from pipeline import steps
 from pipeline.commands import names_by_word
@@ -42,7 +41,11 @@ def run(options: argparse.Namespace) -> int:
 
     if options.step is None:
         for word, name in names_by_word(steps).items():
-            print(f"{word:21}{_help(name)}")
+            try:
+                text = step_of(name).help
+            except ModuleNotFoundError as error:
+                text = str(missing_extra(error))
+            print(f"{word:21}{text}")
         return 0
     name = names_by_word(steps)[options.step]
     step = step_of(name)
@@ -63,14 +66,6 @@ def run(options: argparse.Namespace) -> int:
     check_components(config)
     perform(order_of(name, config, wildcards, BY_HAND, values["threads"]), config)
     return 0
-
-
-def _help(name: str) -> str:
-    """What a step does, or the extra that it lacks."""
-    try:
-        return str(import_module(f"pipeline.steps.{name}").STEP.help)
-    except ModuleNotFoundError as error:
-        return str(missing_extra(error))
 
 
 def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> None:

@@ -70,31 +70,25 @@ def run(job: Job) -> None:
     campaigns executed counts once.
     """
     from pipeline.analysis.failure_regions import find_regions, regions_of
+    from pipeline.execution.confirming import FreshTests
 
+    config = job.config
     info, logical = read_space(job.input("space"))
     table = read_all_tests(job.inputs("tests"))
     table = table[is_valid(table)].drop_duplicates(list(logical.names), ignore_index=True)
-    groups = find_regions(info, logical, table, job.config.regions)
+    groups = find_regions(info, logical, table, config.regions)
     regions = regions_of(info, logical, table, groups)
-    confirmed = _confirmed(job, logical, groups)
+    confirmed = tuple(group.region for group in groups)
+    if config.regions.confirm:
+        threshold_s, confidence = config.campaign.failure_threshold_s, config.comparison.confidence
+        executor = _executor(job, "confirm")
+        fresh = FreshTests(logical, executor, threshold_s, config.regions.confirm, confidence)
+        confirmed = fresh.confirm(groups)
     explained, rows = _explained(job, logical, table, groups, confirmed)
     write_why(job.output("why"), rows)
     write(job.output("regions"), regions.model_copy(update={"regions": explained}))
     failures = f"{regions.failures} failures in {regions.tests} tests"
     job.progress(1, 1, f"{len(regions.regions)} regions of {failures}")
-
-
-def _confirmed(job: Job, space: Space, groups: Sequence[Found]) -> tuple[FailureRegion, ...]:
-    """The regions, with the fresh tests that confirm their rules if the study asks for them."""
-    from pipeline.execution.confirming import FreshTests
-
-    config = job.config
-    if not config.regions.confirm:
-        return tuple(group.region for group in groups)
-    threshold_s, confidence = config.campaign.failure_threshold_s, config.comparison.confidence
-    executor = _executor(job, "confirm")
-    fresh = FreshTests(space, executor, threshold_s, config.regions.confirm, confidence)
-    return fresh.confirm(groups)
 
 
 def _executor(job: Job, journal: str) -> Executor:

@@ -6,30 +6,24 @@ Both see the same snapshots of every feasible point.
 from __future__ import annotations
 
 from pipeline.artefacts.dataset import read_dataset
-from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Judged, Points
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read, write
-from pipeline.contract import Files, Job, Step, Wildcards
+from pipeline.contract import Job, Step
 from pipeline.core.detections import Detections
 from pipeline.core.truth import Truth
 
 VERSIONS = ("existing", "covered")
 
 
-def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    versions = [folders.version(version, "detectors") for version in VERSIONS]
-    return {
-        "points": f"{folders.root}/points.json",
-        **folders.dataset("snapshots/test"),
-        "cards": [version["card"] for version in versions],
-        "models": [version["onnx"] for version in versions],
-    }
-
-
 STEP = Step(
     "Test the detectors of the forward vehicle.",
-    reads=_reads,
+    reads=lambda folders, wildcards: {
+        "points": f"{folders.root}/points.json",
+        **folders.dataset("snapshots/test"),
+        "cards": [folders.version(name, "detectors")["card"] for name in VERSIONS],
+        "models": [folders.version(name, "detectors")["onnx"] for name in VERSIONS],
+    },
     writes=lambda folders: {"evaluation": f"{folders.root}/evaluation.json"},
     sections=("front_car.space", "front_car.test_images", "front_car.images", "detector"),
 )

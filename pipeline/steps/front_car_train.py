@@ -7,23 +7,16 @@ from __future__ import annotations
 
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
-from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
-from pipeline.contract import Files, Job, Step, Wildcards
-
-
-def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    shipped = folders.config.base.weights
-    return {
-        **folders.dataset(f"snapshots/{wildcards['version']}"),
-        "weights": f"{shipped}/weights.safetensors",
-        "card": f"{shipped}/model.json",
-    }
-
+from pipeline.contract import Job, Step
 
 STEP = Step(
     "Train a detector of the forward vehicle.",
-    reads=_reads,
+    reads=lambda folders, wildcards: {
+        **folders.dataset(f"snapshots/{wildcards['version']}"),
+        "weights": f"{folders.config.base.weights}/weights.safetensors",
+        "card": f"{folders.config.base.weights}/model.json",
+    },
     writes=lambda folders: folders.version("{version}", "detectors"),
     sections=(
         "front_car.iterations",

@@ -30,15 +30,11 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     }
 
 
-def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    return tuple(name for name in Config.model_fields if name not in UNTRACKED)
-
-
 STEP = Step(
     "Log everything to MLflow and register the model versions.",
     reads=_reads,
     writes=lambda folders: {"tracking": f"{folders.root}/tracking.json"},
-    sections=_sections,
+    sections=tuple(name for name in Config.model_fields if name not in UNTRACKED),
     environment=("MLFLOW_TRACKING_URI",),
 )
 

@@ -91,8 +91,12 @@ class Jobs:
         patterns = []
         for name, step in self.contracts.items():
             limits = {**self.constraints, **step.wildcards}
+            limited = {}
+            for wildcard in step.names(self.folders):
+                limited[wildcard] = f"{{{wildcard},{limits.get(wildcard, '[^/]+')}}}"
             for path in flat(step.outputs(self.folders)):
-                patterns.append((name, re.compile(_expression(path, limits))))
+                expression = regex_from_filepattern(path.format(**limited))
+                patterns.append((name, re.compile(expression)))
         return patterns
 
     def inputs(self, target: Target) -> list[str]:
@@ -154,13 +158,3 @@ def flat(files: Mapping[str, Files]) -> list[str]:
     for paths in files.values():
         every += [paths] if isinstance(paths, str) else paths
     return every
-
-
-def _expression(pattern: str, limits: Mapping[str, str]) -> str:
-    """The regular expression of a path with wildcards in braces."""
-
-    def limited(wildcard: re.Match[str]) -> str:
-        name = wildcard[1]
-        return f"{{{name},{limits.get(name, '[^/]+')}}}"
-
-    return str(regex_from_filepattern(re.sub(r"\{(\w+)\}", limited, pattern)))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pipeline.artefacts import stamps
 from pipeline.artefacts.stamp_parts import MARKS, differences
-from pipeline.workflow.jobs import Jobs, Target
+from pipeline.workflow.jobs import Target
 from pipeline.workflow.stamping import Stamps
 
 REASONS = Path(".snakemake/changed")
@@ -32,20 +32,17 @@ class Staleness:
     today: Stamps
     _old: dict[Target, bool] = field(default_factory=dict)
 
-    @property
-    def jobs(self) -> Jobs:
-        return self.today.jobs
-
     def out_of_date(self, target: Target) -> bool:
         """Whether a job has to run: its stamp is not today's, or a job before it runs again."""
         if target not in self._old:
-            makers = dict.fromkeys(map(self.jobs.maker, self.jobs.inputs(target)))
+            jobs = self.today.jobs
+            makers = dict.fromkeys(map(jobs.maker, jobs.inputs(target)))
             again = (
                 self._has_outputs(job) and self.out_of_date(job)
                 for job in makers
                 if job is not None
             )
-            stamp = stamps.read(Path(self.jobs.outputs(target)[-1]))
+            stamp = stamps.read(Path(jobs.outputs(target)[-1]))
             current = stamp is not None and stamp.depends == self._today(target)
             self._old[target] = not current or any(again)
         return self._old[target]
@@ -54,11 +51,11 @@ class Staleness:
         return self.today.stamp(target.step, dict(target.wildcards))
 
     def _has_outputs(self, target: Target) -> bool:
-        return any(Path(path).exists() for path in self.jobs.outputs(target))
+        return any(Path(path).exists() for path in self.today.jobs.outputs(target))
 
     def reasons(self, target: Target) -> Sequence[str]:
         """Why a job is out of date: the keys, variables and files that changed since it ran."""
-        stamp = stamps.read(Path(self.jobs.outputs(target)[-1]))
+        stamp = stamps.read(Path(self.today.jobs.outputs(target)[-1]))
         today = self._today(target)
         if stamp is None:
             return ("no_stamp",)
