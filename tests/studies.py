@@ -57,7 +57,7 @@ def know_sources(folder: Path) -> None:
 
 @cache
 def _known_sources() -> str:
-    found = {
+    digests = {
         path: digest
         for step in step_names()
         for path, digest in source_digests(f"pipeline.steps.{step}").items()
@@ -65,7 +65,7 @@ def _known_sources() -> str:
     return json.dumps(
         {
             hashlib.sha256((ROOT / path).read_bytes()).hexdigest(): digest
-            for path, digest in found.items()
+            for path, digest in digests.items()
         }
     )
 

@@ -1,4 +1,4 @@
-"""The documents in the repository: short lines, a short README, links that resolve and commands that exist."""
+"""The documents in the repository: short lines, working links, commands that exist."""
 
 from __future__ import annotations
 
