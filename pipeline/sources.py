@@ -110,7 +110,7 @@ def code_of(path: str, text: bytes) -> bytes:
             lines[row - 1] = f"{before}\n" if (before := token.line[:column].rstrip()) else None
     code = [token for token in tokens if token.type != tokenize.COMMENT]
     for previous, token, following in zip(code, code[1:], code[2:], strict=False):
-        # A string that is a statement of its own.
+        # A docstring: a string that is a whole statement.
         if (
             token.type == tokenize.STRING
             and previous.type in BEGINS

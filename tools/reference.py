@@ -92,7 +92,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def section(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
-    """The keys of a section as a list, then each section in it under a heading of its own."""
+    """The keys of a section as a list, then each section in it under its heading."""
     keys: list[str] = []
     below: list[str] = []
     for name, field in model.model_fields.items():

@@ -63,7 +63,7 @@ def verify(pages: Sequence[Path]) -> int:
     for page in pages:
         every_block += blocks(page)
     differences = []
-    # Each command is a process of its own.
+    # Each command runs in a separate process.
     with Progress("results") as progress, ThreadPoolExecutor(os.cpu_count()) as pool:
         texts = pool.map(printed, [block.command for block in every_block])
         for done, (block, text) in enumerate(zip(every_block, texts, strict=True), 1):

@@ -100,7 +100,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     export.add_argument(
         "--format",
         choices=("pict", "acts", "acts-xml", "space"),
-        help="the format, if the file's name does not say it",
+        help="the format, if the file's name does not show it",
     )
 
 

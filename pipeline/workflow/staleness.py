@@ -16,7 +16,7 @@ from pipeline.workflow.stamping import Stamps
 REASONS = Path(".snakemake/changed")
 """Inputs of jobs that are out of date, named after what changed: always newer than the outputs.
 
-Each job has a folder of its own: while it plans, Snakemake lists a folder once, and treats files
+Each job has a separate folder: while it plans, Snakemake lists a folder once, and treats files
 that are written into it later as missing.
 """
 SHOWN = 3
