@@ -7,7 +7,7 @@ if not workflow.configfiles:
     configfile: checked("params.yaml")
 
 
-# In the order of the data. pipeline/steps/<name>.py says what a step reads and writes, and what it depends on.
+# In the order of the data. pipeline/steps/<name>.py has the declaration of a step.
 PLAN = plan(
     config,
     workflow,

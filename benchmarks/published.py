@@ -2,7 +2,7 @@
 
     python benchmarks/published.py oracle | base-rates | learning | length | digests | blamed | again | stricter
 
-`python -m pipeline results write` puts them into the pages.
+`python tools/results.py write` puts them into the pages.
 """
 
 from __future__ import annotations

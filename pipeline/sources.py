@@ -33,26 +33,30 @@ def _graph() -> grimp.ImportGraph:
 
 @cache
 def sources(module: str) -> tuple[str, ...]:
-    """Source files of a module and of everything that it imports from this package, directly or not, relative to the root; sorted.
+    """Source files of a module and of everything that it imports from this package.
 
-    Templates, and the scripts and styles in a folder `assets`, count as source of the modules beside them.
+    Templates, and the scripts and styles in a folder `assets`, count as source of the modules
+    beside them.
+
+    Args:
+        module: dotted name of the module.
+
+    Returns:
+        Paths relative to the root, sorted. Indirect imports count, empty files do not.
     """
-    return tuple(
-        sorted(set().union(*map(_files, {module} | _graph().find_upstream_modules(module))))
-    )
+    modules = {module} | _graph().find_upstream_modules(module)
+    return tuple(sorted(set().union(*map(_files, modules))))
 
 
 @cache
 def _files(module: str) -> frozenset[str]:
-    """The source files of one module; none if it is empty."""
+    """The source files of a single module; none if it is empty."""
     stem = ROOT.joinpath(*module.split("."))
     path = stem.with_suffix(".py") if stem.with_suffix(".py").exists() else stem / "__init__.py"
+    if not path.stat().st_size:
+        return frozenset()
     beside = (file for pattern in BESIDE for file in path.parent.glob(pattern))
-    return (
-        frozenset(file.relative_to(ROOT).as_posix() for file in (path, *beside))
-        if path.stat().st_size
-        else frozenset()
-    )
+    return frozenset(file.relative_to(ROOT).as_posix() for file in (path, *beside))
 
 
 @cache
@@ -66,33 +70,36 @@ def code_digest(module: str) -> str:
 @cache
 def source_digests(module: str) -> dict[str, str]:
     """SHA-256 of each file of `sources` of a module, without its comments and docstrings."""
-    known = _known()
+    stored = stored_digests()
     texts = {path: (ROOT / path).read_bytes() for path in sources(module)}
     raw = {path: hashlib.sha256(text).hexdigest() for path, text in texts.items()}
-    if new := {path: raw[path] for path in texts if raw[path] not in known}:
-        known |= {
-            digest: hashlib.sha256(_code(path, texts[path])).hexdigest()
-            for path, digest in new.items()
-        }
+    new = {path: digest for path, digest in raw.items() if digest not in stored}
+    for path, digest in new.items():
+        stored[digest] = hashlib.sha256(code_of(path, texts[path])).hexdigest()
+    if new:
         with suppress(OSError, InputError):
-            write_bytes(STORED, json.dumps(known).encode(), flush=False)
-    return {path: known[digest] for path, digest in raw.items()}
+            write_bytes(STORED, json.dumps(stored).encode(), flush=False)
+    return {path: stored[digest] for path, digest in raw.items()}
 
 
 @cache
-def _known() -> dict[str, str]:
-    """Digests of the code alone by those of the whole files: to find the comments and docstrings of all files takes a second."""
+def stored_digests() -> dict[str, str]:
+    """Digests of the code alone by those of the whole files.
+
+    They are stored because removing the comments and docstrings of all files takes a second.
+    """
     try:
         return dict(json.loads(STORED.read_bytes()))
     except (OSError, ValueError):
         return {}
 
 
-def _code(path: str, text: bytes) -> bytes:
+def code_of(path: str, text: bytes) -> bytes:
     """A file without Python's comments and docstrings, nor the lines that hold nothing else."""
     if not path.endswith(".py"):
         return text
-    # As bytes: Python's lines end at line feeds alone, but those of a text also at form feeds and other signs.
+    # As bytes: Python's lines end at line feeds alone, but those of a text also at form feeds and
+    # other signs.
     lines: list[str | None] = [line.decode() for line in text.splitlines(keepends=True)]
     tokens = [
         token for token in tokenize.tokenize(io.BytesIO(text).readline) if token.type != tokenize.NL
@@ -103,7 +110,7 @@ def _code(path: str, text: bytes) -> bytes:
             lines[row - 1] = f"{before}\n" if (before := token.line[:column].rstrip()) else None
     code = [token for token in tokens if token.type != tokenize.COMMENT]
     for previous, token, following in zip(code, code[1:], code[2:], strict=False):
-        # A string that is a statement of its own.
+        # A docstring: a string that is a whole statement.
         if (
             token.type == tokenize.STRING
             and previous.type in BEGINS

@@ -57,7 +57,7 @@ def know_sources(folder: Path) -> None:
 
 @cache
 def _known_sources() -> str:
-    found = {
+    digests = {
         path: digest
         for step in step_names()
         for path, digest in source_digests(f"pipeline.steps.{step}").items()
@@ -65,7 +65,7 @@ def _known_sources() -> str:
     return json.dumps(
         {
             hashlib.sha256((ROOT / path).read_bytes()).hexdigest(): digest
-            for path, digest in found.items()
+            for path, digest in digests.items()
         }
     )
 
@@ -73,4 +73,4 @@ def _known_sources() -> str:
 def arguments(step: str, threads: int = 1, **wildcards: object) -> list[str]:
     """The command line that runs a step by hand."""
     words = [word for name, value in wildcards.items() for word in (f"--{name}", str(value))]
-    return [step, *words, "--threads", str(threads)]
+    return ["step", step, *words, "--threads", str(threads)]

@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,8 +31,9 @@ from pipeline.scenarios.parts import MOST, SEEDS
 if TYPE_CHECKING:
     from pipeline.execution.campaign import CampaignPlan, Executed
 
-WORDS = """scenario=F1 strategy=forest budget=300 seed=0 model=models/uniform out=FOLDER, all optional; and overrides of the default
-study, such as campaign.match_iou=0.3 +samplers.forest.explore=0.2"""
+WORDS = """scenario=F1 strategy=forest budget=300 seed=0 model=models/uniform out=FOLDER, all
+optional; and overrides of the default study, such as campaign.match_iou=0.3
++samplers.forest.explore=0.2"""
 USED = (
     "simulator",
     "camera",
@@ -46,20 +48,29 @@ USED = (
 """The settings of a study that decide what a test does and what is kept of it."""
 STOPPED = 130
 """Exit code after Ctrl-C, as in a shell."""
-HELP = "Search a scenario for failures with one strategy. Ctrl-C stops it; the same command resumes it."
+HELP = "Search a scenario for failures with a strategy. Ctrl-C stops it; the same command resumes."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("words", nargs="*", metavar="key=value", help=WORDS)
     parser.add_argument(
         "--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)"
     )
-    parser.epilog = "With --kind, --scenario, --strategy, --version and --seed, the step of a study's workflow runs instead."
 
 
 @dataclass(frozen=True)
 class Search:
-    """What a person asks for. overrides: of the default study."""
+    """The search that a person asks for.
+
+    Attributes:
+        scenario, strategy: names in conf/.
+        budget: number of tests, at least 1.
+        seed: seed of the strategy.
+        model: folder of a model version.
+        out: folder for the results; None for one below data/by_hand.
+        overrides: overrides of the default study.
+    """
 
     scenario: str = "F1"
     strategy: str = "forest"
@@ -71,60 +82,55 @@ class Search:
 
     @property
     def folder(self) -> Path:
-        return self.out or Path(
-            "data/by_hand", self.scenario, self.strategy, self.model.name, str(self.seed)
-        )
+        parts = (self.scenario, self.strategy, self.model.name, str(self.seed))
+        return self.out or Path("data/by_hand", *parts)
 
 
-def number(least: int, most: int = MOST) -> Callable[[str, str], int]:
-    """Reads a word's whole number from `least` to `most`; InputError that names the key for another text."""
-
-    def read(key: str, text: str) -> int:
-        try:
-            return whole(least, most)(text)
-        except argparse.ArgumentTypeError as error:
-            raise InputError(f"{key}: {error}") from error
-
-    return read
+def read_whole(key: str, text: str, least: int, most: int = MOST) -> int:
+    """A whole number from `least` to `most`; InputError that names the key for another text."""
+    try:
+        return whole(least, most)(text)
+    except argparse.ArgumentTypeError as error:
+        raise InputError(f"{key}: {error}") from error
 
 
 READ: dict[str, Callable[[str, str], Any]] = {
     "scenario": lambda _, text: text,
     "strategy": lambda _, text: text,
-    "budget": number(1),
-    "seed": number(0, SEEDS - 1),
+    "budget": partial(read_whole, least=1),
+    "seed": partial(read_whole, least=0, most=SEEDS - 1),
     "model": lambda _, text: typed(text),
     "out": lambda _, text: typed(text),
 }
-"""How each word of our own is read, from its key and text; all others are overrides."""
+"""How each word is read, from its key and text; all others are overrides."""
 
 
 def run(options: argparse.Namespace) -> int:
-    """Execute the campaign with its progress, write its tables and print what was found."""
+    """Execute the campaign with its progress, write its tables and print a summary."""
     search = asked(options.words)
     check_folder(search.folder, (*UNFINISHED, f"tests.parquet{SUFFIX}"))
     plan = planned(search)
     with held(search.folder / "lock", waiting(search.folder)):
-        return _run(search, plan, options.threads)
+        return execute(search, plan, options.threads)
 
 
 def waiting(folder: Path) -> Callable[[], None]:
-    """Says that another process uses a folder."""
-    return lambda: print(
-        f"{folder}: waiting for another process that executes tests there", file=sys.stderr
-    )
+    """A function that reports that another process uses a folder."""
+    message = f"{folder}: waiting for another process that executes tests there"
+    return lambda: print(message, file=sys.stderr)
 
 
-def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
+def execute(search: Search, plan: CampaignPlan, threads: int) -> int:
+    """Execute a search in its folder, unless it is finished; returns the exit code."""
     from pipeline.artefacts import stamps
     from pipeline.artefacts.files import write_bytes
     from pipeline.execution.campaign import run_campaign
 
     tests, journal = search.folder / "tests.parquet", search.folder / "journal"
     stamp = search.folder / f"{tests.name}{stamps.SUFFIX}"
-    made = stamps.read(stamp)
-    check_free(search.folder, plan.identity, made.depends if made else None)
-    if made is not None and all((search.folder / name).exists() for name in made.digests):
+    finished = stamps.read(stamp)
+    check_free(search.folder, plan.identity, finished.depends if finished else None)
+    if finished is not None and all((search.folder / name).exists() for name in finished.digests):
         shutil.rmtree(journal, ignore_errors=True)  # A killed run may have left it.
         print(f"{tests} has this search already; delete {search.folder} to execute it again")
         return 0
@@ -135,12 +141,8 @@ def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {journal}, and the same command resumes")
         return STOPPED
-    write_bytes(
-        stamp,
-        stamps.made(stamp, plan.identity, [tests.with_name(f"{name}.parquet") for name in TABLES])
-        .text()
-        .encode(),
-    )
+    tables = [tests.with_name(f"{name}.parquet") for name in TABLES]
+    write_bytes(stamp, stamps.made(stamp, plan.identity, tables).text().encode())
     shutil.rmtree(journal, ignore_errors=True)
     print(summary(plan, done))
     print(f"tables: {search.folder}/tests.parquet, signals, detections, frames and timings")
@@ -152,29 +154,42 @@ UNFINISHED = ("lock", "journal", "*.onnx", ".*.onnx.*.tmp")
 """Files in the folder of a search before it has tables."""
 
 
-def check_folder(folder: Path, ours: Sequence[str]) -> None:
-    """InputError for a folder with files, none of which is ours, before anything is written there."""
-    found = list(folder.iterdir()) if folder.is_dir() else []
-    if found and not any(entry.match(own) for entry in found for own in ours):
-        raise InputError(_foreign(folder, found))
+def check_folder(folder: Path, patterns: Sequence[str]) -> None:
+    """InputError for a folder with files, none of which matches a pattern of a search's files."""
+    entries = list(folder.iterdir()) if folder.is_dir() else []
+    if entries and not any(any(map(entry.match, patterns)) for entry in entries):
+        raise _foreign(folder, entries)
 
 
 def check_free(folder: Path, identity: str, finished: str | None) -> None:
-    """InputError unless a folder is new or holds the search of this identity. finished: the identity of a finished search in it."""
+    """Check that a folder is new or holds this search.
+
+    Args:
+        folder: the folder of the search.
+        identity: the identity of the search.
+        finished: the identity of a finished search in the folder, if any.
+
+    Raises:
+        InputError: the folder holds another search, or files of something else.
+    """
     from pipeline.execution.journal import identity_of
 
-    found = finished or identity_of(folder / "journal")
-    if found not in (None, identity):
+    present = finished or identity_of(folder / "journal")
+    if present not in (None, identity):
         raise InputError(
-            f"{folder} holds another search, or one by other code; choose another folder with out=, or delete this one"
+            f"{folder} holds another search, or one by other code; "
+            "choose another folder with out=, or delete this one"
         )
     others = [entry for entry in folder.iterdir() if not any(map(entry.match, UNFINISHED))]
-    if found is None and others:
-        raise InputError(_foreign(folder, others))
+    if present is None and others:
+        raise _foreign(folder, others)
 
 
-def _foreign(folder: Path, found: Sequence[Path]) -> str:
-    return f"{folder}: expected a new folder or that of a search, got one with {min(found).name}; choose another with out="
+def _foreign(folder: Path, entries: Sequence[Path]) -> InputError:
+    return InputError(
+        f"{folder}: expected a new folder or that of a search, got one with {min(entries).name}; "
+        "choose another with out="
+    )
 
 
 def asked(words: Sequence[str]) -> Search:
@@ -185,7 +200,15 @@ def asked(words: Sequence[str]) -> Search:
 def read_words(
     words: Sequence[str], readers: Mapping[str, Callable[[str, str], Any]]
 ) -> dict[str, Any]:
-    """Values by key, and other words as `overrides`; InputError for a wrong one. readers: how each key is read, from key and text."""
+    """Values by key, and other words as `overrides`.
+
+    Args:
+        words: texts such as `budget=300`.
+        readers: for each key, a function of the key and the text.
+
+    Raises:
+        InputError: a word is no key=value, has a wrong value, or repeats or misspells a key.
+    """
     values: dict[str, Any] = {}
     overrides: list[str] = []
     for word in words:
@@ -196,12 +219,11 @@ def read_words(
             raise InputError(f"{key} is given twice: {values[key]} and {value}")
         if key in readers:
             values[key] = readers[key](key, value)
-        elif "." not in key and (
-            meant := difflib.get_close_matches(key, list(readers), n=1, cutoff=0.7)
-        ):
-            raise InputError(f"unknown key '{key}'; did you mean '{meant[0]}'?")
-        else:
-            overrides.append(word)
+            continue
+        similar = difflib.get_close_matches(key, list(readers), n=1, cutoff=0.7)
+        if similar and "." not in key:
+            raise InputError(f"unknown key '{key}'; did you mean '{similar[0]}'?")
+        overrides.append(word)
     return {**values, "overrides": tuple(overrides)}
 
 
@@ -211,37 +233,24 @@ def planned(search: Search) -> CampaignPlan:
     from pipeline.execution.campaign import CampaignPlan
     from pipeline.execution.workers import Setup
 
-    config = study_of(search.scenario, search.overrides)
-    if search.strategy not in config.samplers:
-        raise InputError(
-            f"strategy: there is no '{search.strategy}'{nearest(search.strategy, config.samplers)}"
-        )
-    _check_used(search)
-    campaign = CampaignId(search.scenario, search.strategy, search.model.name, search.seed)
-    return CampaignPlan(
-        campaign=campaign,
-        space=config.space(search.scenario),
-        tests=search.budget,
-        failure_threshold_s=config.campaign.failure_threshold_s,
-        strategy=config.samplers[search.strategy],
-        setup=Setup.of(
-            config,
-            search.scenario,
-            onnx_of(search.model, search.folder),
-            keep_every=config.campaign.keep_every,
-        ),
-    )
-
-
-def _check_used(search: Search) -> None:
-    """InputError for an override that the campaign does not use."""
-    used = (f"scenarios.{search.scenario}", f"samplers.{search.strategy}", *USED)
+    scenario, strategy = search.scenario, search.strategy
+    config = study_of(scenario, search.overrides)
+    if strategy not in config.samplers:
+        raise InputError(f"strategy: there is no '{strategy}'{nearest(strategy, config.samplers)}")
+    used = (f"scenarios.{scenario}", f"samplers.{strategy}", *USED)
     for word in search.overrides:
         key = word.lstrip("+~").partition("=")[0]
-        if not any(key == own or key.startswith(f"{own}.") for own in used):
-            raise InputError(
-                f"{key}: the tests of this command do not depend on it; of a study's settings, it uses {', '.join(used)}"
-            )
+        if not f"{key}.".startswith(tuple(f"{section}." for section in used)):
+            raise InputError(f"{key}: has no effect here; this command only uses {', '.join(used)}")
+    model = onnx_of(search.model, search.folder)
+    return CampaignPlan(
+        campaign=CampaignId(scenario, strategy, search.model.name, search.seed),
+        space=config.space(scenario),
+        tests=search.budget,
+        failure_threshold_s=config.campaign.failure_threshold_s,
+        strategy=config.samplers[strategy],
+        setup=Setup.of(config, scenario, model, keep_every=config.campaign.keep_every),
+    )
 
 
 def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
@@ -252,14 +261,10 @@ def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
     lines = [f"{len(failed)} of {judged} tests fail{f', {errors} errors' if errors else ''}"]
     if failed:
         points = np.array([test.point for test in failed])
-        causes = ", ".join(
-            f"{cause} {count}"
-            for cause, count in Counter(test.kpi.cause for test in failed).most_common()
-        )
-        lines.append(
-            f"{kinds_of(plan.space, points)} kinds (combinations of person and pose); causes: {causes}"
-        )
-        lines.append(
-            f"the failures cover {pair_coverage(plan.space, points):.1%} of all pairs of categories"
-        )
+        counts = Counter(test.kpi.cause for test in failed).most_common()
+        causes = ", ".join(f"{cause} {count}" for cause, count in counts)
+        kinds = kinds_of(plan.space, points)
+        lines.append(f"{kinds} kinds (combinations of person and pose); causes: {causes}")
+        covered = pair_coverage(plan.space, points)
+        lines.append(f"the failures cover {covered:.1%} of all pairs of categories")
     return "\n".join(lines)

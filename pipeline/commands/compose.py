@@ -13,6 +13,7 @@ HELP = "Compose conf/ into params.yaml."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "words",
         nargs="+",

@@ -17,6 +17,7 @@ HELP = "Draw a scenario in all weathers and at several distances."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
     parser.add_argument(
         "--out", type=typed, default="contact-sheet.png", help="the picture (default: %(default)s)"
@@ -36,7 +37,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def write_picture(path: Path, image: NDArray[np.uint8], quality: int = 95) -> None:
-    """Write an image, (h, w, 3) RGB, as .png or .jpg. quality: of a JPEG. OpenCV's own writer says nothing if it cannot write."""
+    """Write an image. OpenCV's own writer reports no error if it cannot write.
+
+    Args:
+        path: a .png or .jpg file.
+        image: (h, w, 3) RGB.
+        quality: of a JPEG, 0 to 100.
+    """
     import cv2
 
     settings = (cv2.IMWRITE_JPEG_QUALITY, quality) if path.suffix == ".jpg" else ()

@@ -1,4 +1,7 @@
-"""Command `coverage`: scores the coverage of any data set, proposes points to add, plans covering arrays, verifies and exports them."""
+"""Command `coverage`: scores the coverage of any data set and proposes points to add.
+
+It also plans, verifies and exports covering arrays.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +100,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     export.add_argument(
         "--format",
         choices=("pict", "acts", "acts-xml", "space"),
-        help="the format, if the file's name does not say it",
+        help="the format, if the file's name does not show it",
     )
 
 
@@ -130,7 +133,7 @@ def _add_projection(parser: argparse.ArgumentParser, points_required: bool) -> N
     parser.add_argument(
         "--strict",
         action="store_true",
-        help="refuse a table with rows that are partial or break a constraint",
+        help="reject a table with rows that are partial or break a constraint",
     )
     parser.add_argument(
         "--k", type=int, default=2, help="number of conditions to combine (default: %(default)s)"
@@ -147,19 +150,19 @@ def run(options: argparse.Namespace) -> int:
     """Run the subcommand and print its result; 1 if `verify` finds the plan not valid."""
     from pipeline.report.coverage_answers import VERBS
 
-    _check(options)
-    _check_outputs(options)
+    check_options(options)
+    check_outputs(options)
     try:
         with Progress(f"coverage {options.verb}") as progress:
-            found, text = VERBS[options.verb](options, progress)
+            answer, text = VERBS[options.verb](options, progress)
     except InputError as error:
         raise InputError(in_one_line(str(error))) from error
-    print(json.dumps(found, ensure_ascii=False) if options.json else text)
-    return 0 if found.get("valid", True) else 1
+    print(json.dumps(answer, ensure_ascii=False) if options.json else text)
+    return 0 if answer.get("valid", True) else 1
 
 
-def _check(options: argparse.Namespace) -> None:
-    """Refuse wrong and useless options, and fill in the defaults of those that --complete has no use for."""
+def check_options(options: argparse.Namespace) -> None:
+    """InputError for wrong and useless options; fills in the defaults that --complete excludes."""
     if getattr(options, "complete", False):
         for option in ("count", "exact", "seconds"):
             if (given := getattr(options, option)) is not None and given is not False:
@@ -180,14 +183,12 @@ def _check(options: argparse.Namespace) -> None:
     if not getattr(options, "exact", True) and options.seconds is not None:
         raise InputError("--seconds limits --exact; add --exact")
     options.count = 1 if getattr(options, "count", None) is None else options.count
-    options.seconds = (
-        SECONDS.get(options.verb, 0.0)
-        if getattr(options, "seconds", None) is None
-        else options.seconds
-    )
+    if getattr(options, "seconds", None) is None:
+        options.seconds = SECONDS.get(options.verb, 0.0)
 
 
-def _check_outputs(options: argparse.Namespace) -> None:
+def check_outputs(options: argparse.Namespace) -> None:
+    """InputError for a file that cannot be written, or that is also an input."""
     from pipeline.artefacts.files import check_output
     from pipeline.artefacts.model_export import format_of
     from pipeline.artefacts.table_file import check_format

@@ -1,4 +1,4 @@
-"""Command `explore`: the finished report from a local server, which films any test on demand."""
+"""Command `explore`: serves the finished report locally and films any test on demand."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ PORT = 8765
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "study", nargs="?", metavar="STUDY", help="default: the study in params.yaml"
     )
@@ -40,33 +41,47 @@ def run(options: argparse.Namespace) -> int:
         served(page)
     try:
         server = ReportServer(options.port, pages, FilmsOnDemand(folders, params))
-    except (OSError, OverflowError) as error:
-        raise InputError(_port_message(options.port, error)) from error
+    except OverflowError as error:
+        raise InputError(f"--port must be in [0, 65535], got {options.port}") from error
+    except OSError as error:
+        problem = f"cannot be used ({error.strerror})"
+        if error.errno == errno.EADDRINUSE:
+            problem = f"is taken; choose another one, as in --port {options.port + 1}"
+        raise InputError(f"--port: {options.port} {problem}") from error
     with server:
+        address = f"http://{ADDRESS}:{server.port}/"
         print(
-            f"The report of study {config.study} is at http://{ADDRESS}:{server.port}/ (stop it with Ctrl-C)",
-            flush=True,
+            f"The report of study {config.study} is at {address} (stop it with Ctrl-C)", flush=True
         )
         server.serve_forever()
     return 0
 
 
 def chosen(study: str | None) -> tuple[Config, Path]:
-    """The configuration of a study, and its file: the study's own, as test-detector writes it, or params.yaml."""
-    own = Path("data", study or "", "params.yaml")
-    params = own if study and own.is_file() else PARAMS
+    """The configuration of a study, and its file.
+
+    The file is in the study's folder if `test-detector` wrote it; otherwise it is params.yaml.
+    """
+    params = Path("data", study or "", "params.yaml")
+    if not study or not params.is_file():
+        params = PARAMS
     config = load(params)
     if study not in (None, config.study):
         check_study(study)
-        instead = (
-            f"python -m pipeline compose study={study}, with the overrides that it was made with"
+        command = f"python -m pipeline compose study={study}"
+        raise InputError(
+            f"{params} holds study {config.study}, expected {study}; "
+            f"type: {command}, with the overrides that it was made with"
         )
-        raise InputError(f"{params} holds study {config.study}, expected {study}; type: {instead}")
     return config, params
 
 
 def pages_of(folders: Folders) -> Mapping[str, Path]:
-    """The pages with a table of tests, by their addresses; InputError if the study has none or is not finished."""
+    """The pages with a table of tests, by their addresses.
+
+    Raises:
+        InputError: the study has no such page, or is not finished.
+    """
     study = folders.config.study
     if folders.config.goal not in ("report", "detectors"):
         raise InputError(
@@ -76,14 +91,7 @@ def pages_of(folders: Folders) -> Mapping[str, Path]:
     missing = next((path for path in paths if not path.is_file()), None)
     if missing is not None:
         raise InputError(
-            f"{missing}: no such file, so study {study} is not finished; finish it first (./run, or the same test-detector)"
+            f"{missing}: no such file, so study {study} is not finished; "
+            "finish it first (./run, or the same test-detector)"
         )
     return {f"/{path.relative_to(folders.root).as_posix()}": path for path in paths}
-
-
-def _port_message(port: int, error: OSError | OverflowError) -> str:
-    if isinstance(error, OverflowError):
-        return f"--port must be in [0, 65535], got {port}"
-    if error.errno == errno.EADDRINUSE:
-        return f"--port: {port} is taken; choose another one, as in --port {port + 1}"
-    return f"--port: {port} cannot be used ({error.strerror})"

@@ -12,6 +12,7 @@ HELP = "Write one concrete scenario as OpenSCENARIO and OpenDRIVE."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
     parser.add_argument(
         "words", nargs="*", metavar="key=value", help="scenario variables; others have defaults"

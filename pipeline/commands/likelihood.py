@@ -1,4 +1,7 @@
-"""Command `likelihood`: how likely a failure is under an exposure, in one scenario or over several (thesis Def. 4.11 and 4.12)."""
+"""Command `likelihood`: how likely a failure is under an exposure (thesis Def. 4.11 and 4.12).
+
+It takes one scenario or several.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import argparse
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +21,8 @@ from pipeline.commands.campaign import (
     Search,
     check_folder,
     check_free,
-    number,
     planned,
+    read_whole,
     read_words,
     waiting,
 )
@@ -42,13 +46,14 @@ METHODS = {
     "subset": "pipeline.core.likelihood.subset.SubsetSimulation",
     "importance": "pipeline.core.likelihood.importance.ImportanceSampling",
 }
-WORDS = """scenario=F1,F2 (scenario=all: those of the exposure), exposure=town, method=monte_carlo (subset, importance), budget=3000 for
-each scenario, seed=0, model=models/uniform, below=0.001 (monte_carlo stops once that is settled), out=FOLDER; and overrides of
-the default study"""
-HELP = "Estimate how likely a failure is under an exposure. Ctrl-C stops it; the same command resumes it."
+WORDS = """scenario=F1,F2 (scenario=all: those of the exposure), exposure=town, method=monte_carlo
+(subset, importance), budget=3000 for each scenario, seed=0, model=models/uniform, below=0.001
+(monte_carlo stops once that is settled), out=FOLDER; and overrides of the default study"""
+HELP = "Estimate how likely a failure is. Ctrl-C stops it; the same command resumes it."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("words", nargs="*", metavar="key=value", help=WORDS)
     parser.add_argument(
         "--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)"
@@ -64,7 +69,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 @dataclass(frozen=True)
 class Question:
-    """What a person asks for. overrides: of the default study."""
+    """The question that a person asks.
+
+    Attributes:
+        scenario: names of scenarios with commas between them, or `all`.
+        exposure: name in conf/exposure, or path of a YAML file.
+        method: a key of METHODS.
+        budget: number of tests of each scenario, at least 100.
+        seed: seed of the estimator.
+        model: folder of a model version.
+        below: limit in (0, 1) at which Monte Carlo stops; None for no limit.
+        out: folder for the results; None for one below data/by_hand.
+        overrides: overrides of the default study.
+    """
 
     scenario: str = "F1"
     exposure: str = "town"
@@ -83,7 +100,8 @@ class Question:
         return self.out or Path("data/by_hand/likelihood", *parts)
 
 
-def _share(key: str, text: str) -> float:
+def read_share(key: str, text: str) -> float:
+    """A number in (0, 1); InputError that names the key for another text."""
     try:
         value = float(text)
     except ValueError:
@@ -93,7 +111,8 @@ def _share(key: str, text: str) -> float:
     return value
 
 
-def _method(key: str, text: str) -> str:
+def read_method(key: str, text: str) -> str:
+    """A key of METHODS; InputError for another text."""
     if text not in METHODS:
         raise InputError(f"{key}: there is no '{text}'{nearest(text, METHODS)}")
     return text
@@ -103,25 +122,32 @@ READ: dict[str, Callable[[str, str], Any]] = {
     "scenario": lambda _, text: text,
     "exposure": lambda _, text: str(typed(text)) if text.endswith((".yaml", ".yml")) else text,
     **dict.fromkeys(("model", "out"), lambda _, text: typed(text)),
-    "method": _method,
-    "budget": number(100),
-    "seed": number(0, SEEDS - 1),
-    "below": _share,
+    "method": read_method,
+    "budget": partial(read_whole, least=100),
+    "seed": partial(read_whole, least=0, most=SEEDS - 1),
+    "below": read_share,
 }
-"""How each word of our own is read, from its key and text; all others are overrides."""
+"""How each word is read, from its key and text; all others are overrides."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Estimate the rate of every scenario, print each and that of the system."""
-    folders, words = _told_apart(options.folders or [], options.words)
+    # A word may also stand after the folders of --from.
+    after = options.folders or []
+    late = [text for text in after if "=" in text and not typed(text).exists()]
+    folders = [typed(text) for text in after if text not in late]
+    words = [*options.words, *late]
     question = asked(words)
-    if folders:
-        _check_weighs(words)
+    for key in (word.partition("=")[0] for word in words):
+        if folders and key not in ("exposure", "below"):
+            raise InputError(
+                f"{key}: --from executes nothing and weights the tests in its folders; "
+                "leave the word out"
+            )
     exposure = read_exposure(question.exposure)
     try:
-        rates = (
-            weighed(folders, exposure) if folders else executed(question, exposure, options.threads)
-        )
+        threads = options.threads
+        rates = weighed(folders, exposure) if folders else executed(question, exposure, threads)
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {question.folder}, and the same command resumes")
         return STOPPED
@@ -139,33 +165,23 @@ def asked(words: Sequence[str]) -> Question:
     return question
 
 
-def _told_apart(after: Sequence[str], words: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """The folders of `--from` and all words: a word may also stand after the folders."""
-    late = [text for text in after if "=" in text and not typed(text).exists()]
-    return [typed(text) for text in after if text not in late], [*words, *late]
-
-
-def _check_weighs(words: Sequence[str]) -> None:
-    """InputError for a word that says nothing to tests that exist."""
-    for key in (word.partition("=")[0] for word in words):
-        if key not in ("exposure", "below"):
-            raise InputError(
-                f"{key}: --from executes nothing and weights the tests in its folders; leave the word out"
-            )
-
-
 def scenarios_of(question: Question, exposure: ExposureFile) -> list[str]:
-    """The scenarios of a question, `all` being those that the exposure names; InputError for none and for one twice."""
+    """The scenarios of a question; `all` stands for those that the exposure names.
+
+    Raises:
+        InputError: there is no scenario, or a scenario is named twice.
+    """
     if question.scenario == "all":
         if exposure.scenarios is None:
             raise InputError(
-                f"scenario=all: exposure '{question.exposure}' has no shares of scenarios, so name them, as in scenario=F1,F2"
+                f"scenario=all: exposure '{question.exposure}' has no shares of scenarios, "
+                "so name them, as in scenario=F1,F2"
             )
         return list(exposure.scenarios.shares)
-    named = question.scenario.split(",")
-    if len(set(named)) < len(named):
+    names = question.scenario.split(",")
+    if len(set(names)) < len(names):
         raise InputError(f"scenario: expected distinct scenarios, got {question.scenario}")
-    return named
+    return names
 
 
 def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[str, Rate]:
@@ -182,60 +198,65 @@ def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[s
     for name, plan in plans.items():
         folder, journal = question.folder / name, question.folder / name / "journal"
         with held(folder / "lock", waiting(folder)):
-            rate = folder / "rate.json"
-            if (known := read_rate(rate, plan.identity)) is None:
-                check_free(folder, plan.identity, "another" if rate.exists() else None)
+            file = folder / "rate.json"
+            rate = read_rate(file, plan.identity)
+            if rate is None:
+                check_free(folder, plan.identity, "another" if file.exists() else None)
                 with Progress(f"{name}, {question.method}") as progress:
                     done = run_campaign(plan, folder / "tests.parquet", journal, threads, progress)
-                known = rate_of(plan, done)
-                write_rate(rate, plan.identity, known)
+                rate = rate_of(plan, done)
+                write_rate(file, plan.identity, rate)
             shutil.rmtree(journal, ignore_errors=True)
-        rates[name] = known
+        rates[name] = rate
     return rates
 
 
 def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> CampaignPlan:
     """The campaign that an estimator asks for."""
-    others = tuple(
-        f"scenarios.{name}." for name in scenarios_of(question, exposure) if name != scenario
-    )
-    own = (word for word in question.overrides if not word.lstrip("+~").startswith(others))
+    names = scenarios_of(question, exposure)
+    others = tuple(f"scenarios.{name}." for name in names if name != scenario)
+    overrides = ["campaign.keep_every=0"]
     for word in question.overrides:
-        if word.lstrip("+~").startswith("samplers."):
+        key = word.lstrip("+~")
+        if key.startswith("samplers."):
             raise InputError(
                 f"{word}: an estimator chooses the tests, so no strategy counts; leave the word out"
             )
-    overrides = ("campaign.keep_every=0", *own)
+        if not key.startswith(others):
+            overrides.append(word)
     search = Search(
-        scenario,
-        AUDIT,
-        question.budget,
-        question.seed,
-        question.model,
-        question.folder / scenario,
-        overrides,
+        scenario=scenario,
+        strategy=AUDIT,
+        budget=question.budget,
+        seed=question.seed,
+        model=question.model,
+        out=question.folder / scenario,
+        overrides=tuple(overrides),
     )
     base = planned(search)
     if not base.setup.scenario.asks_to_brake:
         raise InputError(
-            f"scenario: {scenario} asks the ego not to brake, and an estimator cannot learn from false activations"
+            f"scenario: {scenario} asks the ego not to brake, "
+            "and an estimator cannot learn from false activations"
         )
     exposure.of(scenario, base.space)
     campaign = CampaignId(scenario, question.method, question.model.name, question.seed)
-    below = {} if question.below is None else {"below": question.below}
-    known = {
+    strategy = {
+        "_target_": METHODS[question.method],
         "exposure": exposure.plain,
         "budget": question.budget,
         "failure_threshold_s": base.failure_threshold_s,
-        **below,
     }
-    return replace(
-        base, campaign=campaign, strategy={"_target_": METHODS[question.method], **known}
-    )
+    if question.below is not None:
+        strategy["below"] = question.below
+    return replace(base, campaign=campaign, strategy=strategy)
 
 
 def rate_of(plan: CampaignPlan, done: Sequence[Executed]) -> Rate:
-    """The rate of executed tests: an estimator's state is its history, so it is told once more."""
+    """The rate of executed tests.
+
+    An estimator's state is its history, so it learns the tests again.
+    """
     import numpy as np
 
     from pipeline.core.kpi import told
@@ -267,8 +288,8 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
     for path, table in tables.items():
         for strategy in set(table["strategy"]) - {AUDIT}:
             raise InputError(
-                f"{path}: expected tests of strategy '{AUDIT}', got '{strategy}': its tests are not uniform, independent "
-                "samples of the space, so they give no rate"
+                f"{path}: expected tests of strategy '{AUDIT}', got '{strategy}': its tests are "
+                "not uniform, independent samples of the space, so they give no rate"
             )
     tests = pd.concat(tables.values())
     if len(versions := sorted(set(tests["version"]))) > 1:
@@ -283,7 +304,8 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
     twice = tests[tests.duplicated("test_id")]
     if len(twice):
         raise InputError(
-            f"--from: {twice.iloc[0]['test_id']} is in two of the tables; leave one of them out, since a test counts once"
+            f"--from: {twice.iloc[0]['test_id']} is in two of the tables; "
+            "leave one of them out, since a test counts once"
         )
     rates = {}
     for scenario, rows in tests.groupby("scenario"):
@@ -292,9 +314,8 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
             raise InputError(f"--from: {scenario} has no test without an error")
         space = spaces[str(scenario)]
         points, failed = encode_tests(valid, space), valid["failure"].to_numpy(bool)
-        rates[str(scenario)] = reweighted(
-            exposure.of(str(scenario), space), points, failed, len(rows) - len(valid)
-        )
+        densities, errors = exposure.of(str(scenario), space), len(rows) - len(valid)
+        rates[str(scenario)] = reweighted(densities, points, failed, errors)
     return rates
 
 
@@ -303,10 +324,9 @@ def answer(rates: Mapping[str, Rate], question: Question, exposure: ExposureFile
     from pipeline.core.likelihood.rate import combined, sentence
 
     shares = exposure.shares(list(rates))
-    lines = [
-        line(f"{name} ({share:.0%})" if len(rates) > 1 else name, rates[name])
-        for name, share in zip(rates, shares, strict=True)
-    ]
+    lines = []
+    for name, share in zip(rates, shares, strict=True):
+        lines.append(line(f"{name} ({share:.0%})" if len(rates) > 1 else name, rates[name]))
     system = combined(list(rates.values()), shares)
     if len(rates) > 1:
         lines.append(line("system", replace(system, note="")))
@@ -318,14 +338,19 @@ def answer(rates: Mapping[str, Rate], question: Question, exposure: ExposureFile
 
 def line(name: str, rate: Rate) -> str:
     """One rate with its interval and counts."""
-    counts = f"{rate.failures:,} of {rate.tests:,} tests fail{f', {rate.errors} errors' if rate.errors else ''}"
-    known = f"{rate.value:.2g}, 95 % interval {rate.limits.low:.2g} to {rate.limits.high:.2g}"
-    value = f"{name}: failure probability {known if rate.limits.below < 1 else 'unknown'}; {counts}"
-    return f"{value}\n  {rate.note}" if rate.note else value
+    counts = f"{rate.failures:,} of {rate.tests:,} tests fail"
+    if rate.errors:
+        counts += f", {rate.errors} errors"
+    value = "unknown"
+    if rate.limits.below < 1:
+        interval = f"{rate.limits.low:.2g} to {rate.limits.high:.2g}"
+        value = f"{rate.value:.2g}, 95 % interval {interval}"
+    text = f"{name}: failure probability {value}; {counts}"
+    return f"{text}\n  {rate.note}" if rate.note else text
 
 
 def settled(rate: Rate, below: float) -> str:
-    """Whether a rate is known to be below or above a limit."""
+    """Whether a rate is certainly below or above a limit."""
     if rate.limits.below < below:
         return f"settled: the rate is below {below:g}"
     if rate.limits.low > below:

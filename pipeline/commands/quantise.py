@@ -1,4 +1,4 @@
-"""Command `quantise`: makes the int8 form of our detector and prints its loss of average precision."""
+"""Command `quantise`: makes the int8 form of our detector and prints what precision it loses."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ CALIBRATION_IMAGES = 100
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "--model",
         type=typed,
@@ -27,7 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--base-set",
         type=typed,
         default=Path("data/default/base_set/truth.coco.json"),
-        help="folder or truth.coco.json of the base set that sets the ranges and gives the metrics (default: %(default)s)",
+        help="folder or truth.coco.json of the base set that sets the ranges and gives the metrics "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--out", type=typed, default="int8.onnx", help="the file (default: %(default)s)"
@@ -35,7 +37,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the int8 ONNX file and print both forms' metrics: training images set the ranges, validation images give the metrics."""
+    """Write the int8 ONNX file and print the metrics of both forms.
+
+    Training images set the ranges, validation images give the metrics.
+    """
     from pipeline.artefacts.dataset import read_dataset
     from pipeline.artefacts.model_card import read_card
     from pipeline.config.composing import compose
@@ -52,7 +57,8 @@ def run(options: argparse.Namespace) -> int:
     training, validation = (read_dataset(base_set, split) for split in ("train", "val"))
     if training.size != card.input_size:
         raise InputError(
-            f"--base-set: expected images of {card.input_size} px, as the detector was trained on, got {training.size}"
+            f"--base-set: expected images of {card.input_size} px, as the detector was trained on, "
+            f"got {training.size}"
         )
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)
     print("form     AP50   AP50-95  false positives per image")
@@ -60,11 +66,9 @@ def run(options: argparse.Namespace) -> int:
         whole = onnx_of(options.model, Path(folder))
         quantise(whole, training.images[shown], options.out)
         for name, path in {"float32": whole, "int8": options.out}.items():
-            metrics = evaluate(
-                detect_all(path, validation, progress, calibration), validation, threshold
-            )
-            print(
-                f"{name:8} {metrics['ap50']:.3f}  {metrics['ap50_95']:.3f}    {metrics['false_positives_an_image']:.4f}"
-            )
+            detections = detect_all(path, validation, progress, calibration)
+            metrics = evaluate(detections, validation, threshold)
+            precision = f"{metrics['ap50']:.3f}  {metrics['ap50_95']:.3f}"
+            print(f"{name:8} {precision}    {metrics['false_positives_an_image']:.4f}")
     print(f"on {len(validation)} validation images at confidence {threshold:g}; {options.out}")
     return 0

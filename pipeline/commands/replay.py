@@ -1,4 +1,4 @@
-"""Command `replay`: an executed test of the study once more, as a film, checked against its row."""
+"""Command `replay`: executes a test of the study again, as a film, and checks it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ HELP = "Execute a test of the study again, write its replay and compare the resu
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "test",
         metavar="TEST_ID",
@@ -51,20 +52,20 @@ def run(options: argparse.Namespace) -> int:
     threshold_s = config.campaign.failure_threshold_s
     replay = Replay(again, options.test, test, threshold_s, space.units)
     render_replay(replay, options.out, replay.frames_per_second)
-    found = kpi.evaluate(again.signals, threshold_s)
-    changed = differences(row, found)
-    print(
-        f"{options.out}: {outcome_text(found)}, adj. TTC {found.adj_ttc_s:.2f} s, {', '.join(changed) or 'as recorded'}"
-    )
+    result = kpi.evaluate(again.signals, threshold_s)
+    changed = differences(row, result)
+    outcome = f"{outcome_text(result)}, adj. TTC {result.adj_ttc_s:.2f} s"
+    print(f"{options.out}: {outcome}, {', '.join(changed) or 'as recorded'}")
     return 1 if changed else 0
 
 
-def differences(row: pd.Series, found: Kpi) -> list[str]:
+def differences(row: pd.Series, result: Kpi) -> list[str]:
     """Every KPI that differs from the row, in words."""
-    named = {column.name: getattr(found, column.name) for column in columns(Kpi)}
-    both = [(name, row[name], value) for name, value in named.items() if name in row.index]
-    return [
-        f"{name} {value} instead of {was}"
-        for name, was, value in both
-        if not (was == value or (pd.isna(was) and pd.isna(value)))
-    ]
+    changed = []
+    for name in (column.name for column in columns(Kpi)):
+        if name not in row.index:
+            continue
+        before, after = row[name], getattr(result, name)
+        if before != after and not (pd.isna(before) and pd.isna(after)):
+            changed.append(f"{name} {after} instead of {before}")
+    return changed

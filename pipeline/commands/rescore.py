@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.files import check_output
 from pipeline.artefacts.tables import is_valid
@@ -20,8 +22,6 @@ from pipeline.errors import InputError
 from pipeline.progress import Progress
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from pipeline.core.car import Car
     from pipeline.core.identity import CampaignId
 
@@ -29,6 +29,7 @@ HELP = "Judge stored tests again at other IoUs and thresholds."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "folders",
         type=typed,
@@ -66,9 +67,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check that the stored tests follow from their detections; print the failures at each IoU and threshold.
+    """Print the failures at each IoU and threshold.
 
-    Exit code 1 if they do not follow.
+    Exit code 1 if the stored tests do not follow from their detections.
     """
     import pandas as pd
 
@@ -85,18 +86,16 @@ def run(options: argparse.Namespace) -> int:
     if options.drive:
         check_campaigns(campaigns, config)
     wrong = [problem for folder in campaigns for problem in disagreements(folder, config)]
-    print(
-        "\n".join(wrong)
-        or f"all {len(campaigns)} campaigns: every KPI follows from detections.parquet and signals.parquet"
-    )
-    rows = [
-        {
-            **{"version": version, "threshold": car.criterion.threshold, "iou": car.criterion.iou},
-            **summed([judged(folder, config, car, options) for folder in folders]),
-        }
-        for car in cars
-        for version, folders in by_version(campaigns).items()
-    ]
+    files = "detections.parquet and signals.parquet"
+    print("\n".join(wrong) or f"all {len(campaigns)} campaigns: every KPI follows from {files}")
+    rows: list[dict[str, Any]] = []
+    for car in cars:
+        counts: dict[str, Counter[str]] = {}
+        for folder, campaign in campaigns.items():
+            of_version = counts.setdefault(campaign.version, Counter())
+            of_version.update(judged(folder, config, car, options))
+        criterion = {"threshold": car.criterion.threshold, "iou": car.criterion.iou}
+        rows += [{"version": name, **criterion, **counts[name]} for name in counts]
     table = pd.DataFrame(rows).fillna(0)
     table = table.astype(
         {name: int for name in table if name not in ("version", "threshold", "iou")}
@@ -114,23 +113,29 @@ def asked(config: Config, options: argparse.Namespace) -> list[Car]:
     thresholds, lowest = options.threshold or [config.threshold], min(STORED_FROM, config.threshold)
     if min(thresholds) < lowest:
         raise InputError(
-            f"--threshold must be at least {lowest:g}, the lowest score that the study's tests store; got {min(thresholds):g}"
+            f"--threshold must be at least {lowest:g}, the lowest score that the study's tests "
+            f"store; got {min(thresholds):g}"
         )
+    criteria = product(thresholds, options.iou)
     try:
-        return [
-            with_criterion(config.car, iou, threshold)
-            for threshold in thresholds
-            for iou in options.iou
-        ]
+        return [with_criterion(config.car, iou, threshold) for threshold, iou in criteria]
     except ValueError as error:
         raise InputError(f"--iou and --threshold: {error}") from error
 
 
 def check_campaigns(campaigns: Mapping[Path, CampaignId], config: Config) -> None:
-    """InputError for a campaign that the study cannot execute, because it lacks the scenario or the version. campaigns: by folder."""
-    known = {"scenario": config.scenarios, "version": [str(version) for version in config.versions]}
+    """Check that the study can execute some campaigns.
+
+    Args:
+        campaigns: campaigns by folder.
+        config: the config of the study.
+
+    Raises:
+        InputError: the study lacks the scenario or the version of a campaign.
+    """
+    choices = {"scenario": list(config.scenarios), "version": list(map(str, config.versions))}
     for folder, campaign in campaigns.items():
-        for kind, names in known.items():
+        for kind, names in choices.items():
             if (name := getattr(campaign, kind)) not in names:
                 path, wanted = folder / "tests.parquet", ", ".join(names)
                 raise InputError(
@@ -138,54 +143,36 @@ def check_campaigns(campaigns: Mapping[Path, CampaignId], config: Config) -> Non
                 )
 
 
-def by_version(campaigns: Mapping[Path, CampaignId]) -> dict[str, list[Path]]:
-    """The folders of campaigns by the version that they test."""
-    found: dict[str, list[Path]] = {}
-    for folder, campaign in campaigns.items():
-        found.setdefault(campaign.version, []).append(folder)
-    return found
-
-
 def disagreements(folder: Path, config: Config) -> list[str]:
-    """The columns of tests.parquet that differ from what detections.parquet and signals.parquet give, one text each."""
+    """A text for each column of tests.parquet that does not follow from the other tables."""
     import pandas as pd
 
     from pipeline.analysis.rescoring import kpis, rescored
-    from pipeline.artefacts.tables import read_detections, read_signals
+    from pipeline.artefacts.tables import read_detections, read_signals, read_tests
 
-    tests, signals = valid_tests(folder), read_signals(folder / "signals.parquet")
-    again = kpis(
-        rescored(signals, read_detections(folder / "detections.parquet"), config.car),
-        config.campaign.failure_threshold_s,
-    )
+    tests, signals = read_tests(folder / "tests.parquet"), read_signals(folder / "signals.parquet")
+    tests = tests[is_valid(tests)]
+    detections = read_detections(folder / "detections.parquet")
+    threshold_s = config.campaign.failure_threshold_s
+    again = kpis(rescored(signals, detections, config.car), threshold_s)
     stored = tests.set_index("test_id")[list(again)].reindex(again.index)
-    different = {
-        name: int(
-            (~(stored[name].eq(again[name]) | (stored[name].isna() & again[name].isna()))).sum()
-        )
-        for name in again
-    }
+    texts = []
+    for name in again:
+        both_missing = stored[name].isna() & again[name].isna()
+        count = int((~(stored[name].eq(again[name]) | both_missing)).sum())
+        if count:
+            texts.append(f"{folder}: {name} differs in {count} of {len(again)} tests")
     missing = len(pd.Index(tests["test_id"]).symmetric_difference(again.index))
-    texts = [
-        f"{folder}: {name} differs in {count} of {len(again)} tests"
-        for name, count in different.items()
-        if count
-    ]
-    return texts + (
-        [f"{folder}: {missing} tests have no signals, or signals no test"] if missing else []
-    )
-
-
-def valid_tests(folder: Path) -> pd.DataFrame:
-    """The tests of a campaign that are no errors."""
-    from pipeline.artefacts.tables import read_tests
-
-    tests = read_tests(folder / "tests.parquet")
-    return tests[is_valid(tests)]
+    if missing:
+        texts.append(f"{folder}: {missing} tests have no signals, or signals no test")
+    return texts
 
 
 def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) -> dict[str, int]:
-    """Failures of a campaign with another car, by cause: as driven, and with --drive as the car would have driven."""
+    """Failures of a campaign with another car, by cause.
+
+    They are counted as driven, and with --drive as the car would have driven.
+    """
     from pipeline.artefacts.folders import Folders
     from pipeline.artefacts.tables import campaign_of, read_tests
     from pipeline.execution.again import driven_again, judged_again
@@ -197,18 +184,14 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
     again = judged_again(folder, car, threshold_s)
     tests, left = again.tests, len(again.others)
     if options.drive and again.others:
-        setup = replace(
-            Setup.recorded(Folders(config), campaign.scenario, campaign.version), car=car
-        )
-        label = (
-            f"{campaign.scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}"
-        )
+        recorded = Setup.recorded(Folders(config), campaign.scenario, campaign.version)
+        iou, threshold = car.criterion.iou, car.criterion.threshold
+        label = f"{campaign.scenario}, IoU {iou:g}, threshold {threshold:g}"
         with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
-            executor = Executor(setup, Path(scratch) / "journal", options.workers, progress)
-            tests, left = (
-                driven_again(again, config.space(campaign.scenario), threshold_s, executor),
-                0,
-            )
+            journal, setup = Path(scratch) / "journal", replace(recorded, car=car)
+            executor = Executor(setup, journal, options.workers, progress)
+            space = config.space(campaign.scenario)
+            tests, left = driven_again(again, space, threshold_s, executor), 0
     valid = tests[is_valid(tests)]
     failed = valid[valid["failure"].astype(bool)]
     causes = failed["cause"].value_counts().sort_index()
@@ -216,11 +199,5 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
         "tests": len(valid),
         "failures": len(failed),
         "would drive otherwise": left,
-        **{str(k): int(v) for k, v in causes.items()},
+        **{str(cause): int(count) for cause, count in causes.items()},
     }
-
-
-def summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:
-    """The sums by name."""
-    names = dict.fromkeys(name for one in counts for name in one)
-    return {name: sum(one.get(name, 0) for one in counts) for name in names}

@@ -17,8 +17,14 @@ from pipeline.execution.once import episode
 from pipeline.execution.workers import Setup
 
 PLAIN: Mapping[str, Value] = {
-    "rain": 0, "fog": 0, "sun_azimuth": 120, "sun_altitude": 45, "pedestrian_shift": 0, "pedestrian_speed": 1.4, "animation": "walking",
-}  # fmt: skip
+    "rain": 0,
+    "fog": 0,
+    "sun_azimuth": 120,
+    "sun_altitude": 45,
+    "pedestrian_shift": 0,
+    "pedestrian_speed": 1.4,
+    "animation": "walking",
+}
 """Defaults of variables that are not assigned: a walk on a sunny day."""
 
 
@@ -26,6 +32,7 @@ HELP = "Execute one concrete scenario and write its replay."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
     parser.add_argument(
         "words",
@@ -54,15 +61,13 @@ def run(options: argparse.Namespace) -> int:
     space = study.space(options.scenario)
     concrete = concrete_scenario(space, options.words)
     with tempfile.TemporaryDirectory() as folder:
-        found = episode(
-            Setup.of(study, options.scenario, onnx_of(options.model, Path(folder)), keep_every=1),
-            concrete,
-        )
+        model = onnx_of(options.model, Path(folder))
+        driven = episode(Setup.of(study, options.scenario, model, keep_every=1), concrete)
     threshold_s = study.campaign.failure_threshold_s
     title = f"{study.scenarios[options.scenario].label}, detector {options.model}"
-    replay = Replay(found, title, concrete, threshold_s, space.units)
+    replay = Replay(driven, title, concrete, threshold_s, space.units)
     render_replay(replay, options.out, replay.frames_per_second)
-    result = kpi.evaluate(found.signals, threshold_s)
+    result = kpi.evaluate(driven.signals, threshold_s)
     print(f"{options.out}: {outcome_text(result)}, adj. TTC {result.adj_ttc_s:.2f} s")
     return 0
 

@@ -1,4 +1,4 @@
-"""Command `test-detector`: finds the failures of any detectors, and compares several; trains nothing."""
+"""Command `test-detector`: finds the failures of any detectors and compares them."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ if TYPE_CHECKING:
     from pipeline.artefacts.calibration_results import DetectorCalibration
     from pipeline.execution.worker import Calls
 
-WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end-to-end), weights.safetensors of our versions, or what the study's detector takes; and
-Hydra overrides, such as campaign.tests=40 search=[F1,F5] detector=mine"""
+WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end-to-end), weights.safetensors of our versions,
+or what the study's detector takes; and Hydra overrides, such as campaign.tests=40 search=[F1,F5]
+detector=mine"""
 LONGEST_STEM = 40
 """Characters of a file's name that a detector's name keeps."""
 HELP = "Find the failures of any detector, and compare several; trains nothing."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("words", nargs="+", metavar="FILE|key=value", help=WORDS)
     parser.add_argument(
         "--study",
@@ -55,33 +57,33 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compose the study, check every detector on three images, and let Snakemake run it; the same call resumes it."""
+    """Compose the study, check every detector on three images, and let Snakemake run it.
+
+    The same call resumes it.
+    """
     # pathlib would raise an error for a word that is too long for a file's name.
     overrides = [word for word in options.words if "=" in word and not os.path.isfile(typed(word))]
     files = [typed(word) for word in options.words if word not in overrides]
-    chosen = compose(
-        options.study, ["goal=base", *overrides]
-    )  # Nothing is retrained, so the strategies need not feed the study's arms.
-    files = files or _function_file(chosen)
+    # Nothing is retrained, so the strategies need not feed the study's arms.
+    chosen = compose(options.study, ["goal=base", *overrides])
+    if not files:
+        # A function in a Python file may be the detector.
+        if "function" not in chosen.detector:
+            raise InputError("name the file of a detector, as in `test-detector best.onnx`")
+        files = [source_of(chosen.detector["function"])]
     check(chosen, files)
     lock = hold("test-detector")
     config = study_of(files, chosen, options.calibrate)
     folders = Folders(config)
     params = Path(folders.root, "params.yaml")
-    write_bytes(
-        params,
-        dump(
-            config,
-            f"python -m pipeline test-detector {' '.join(options.words)}{' --calibrate' * options.calibrate}",
-        ).encode(),
-    )
+    call = f"python -m pipeline test-detector {' '.join(options.words)}"
+    write_bytes(params, dump(config, call + " --calibrate" * options.calibrate).encode())
     withdraw_damaged(Path(folders.root))
     cores = "all" if options.cores is None else str(options.cores)
     environment = {**os.environ, VERDICT_FOLLOWS: "1"}
     command = [sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores]
-    done = subprocess.run(
-        command, env=environment, pass_fds=lock, check=False
-    )  # If this process is killed, Snakemake lives on.
+    # If this process is killed, Snakemake lives on.
+    done = subprocess.run(command, env=environment, pass_fds=lock, check=False)
     if done.returncode:
         return done.returncode
     print(table(config))
@@ -89,29 +91,25 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _function_file(config: Config) -> list[Path]:
-    """The file of the function that is the detector, which needs no other; InputError if the detector is none."""
-    if "function" not in config.detector:
-        raise InputError("name the file of a detector, as in `test-detector best.onnx`")
-    return [source_of(config.detector["function"])]
-
-
 def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> Config:
-    """The study of some detectors, named after the first and the content of all: many exports are called best.onnx.
+    """The study of some detectors.
 
-    chosen: the study whose scenarios, strategies and budgets it takes. calibrate: whether their confidences are calibrated first.
+    It is named after the first and the content of all: many exports are called best.onnx.
+
+    Args:
+        files: the detectors' files, at least one.
+        chosen: the study whose scenarios, strategies and budgets it takes.
+        calibrate: whether the detectors' confidences are calibrated first.
+
+    Raises:
+        InputError: two detectors have the same content.
     """
     digests = [sha256(path) for path in files]
-    titles = [
-        path.resolve().parent.name
-        if path.suffix == WEIGHTS_SUFFIX
-        else path.name.removesuffix(".onnx")
-        for path in files
-    ]
-    stems = [
-        re.sub("[^A-Za-z0-9]", "_", title).strip("_")[:LONGEST_STEM] or "detector"
-        for title in titles
-    ]
+    stems = []
+    for path in files:
+        own_version = path.suffix == WEIGHTS_SUFFIX
+        title = path.resolve().parent.name if own_version else path.name.removesuffix(".onnx")
+        stems.append(re.sub("[^A-Za-z0-9]", "_", title).strip("_")[:LONGEST_STEM] or "detector")
     names = [
         stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}"
         for stem, digest in zip(stems, digests, strict=True)
@@ -120,21 +118,24 @@ def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> 
         raise InputError(
             f"expected different detectors, got {', '.join(map(str, files))} with the same content"
         )
-    together = (
-        digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
-    )
-    tested = dict(zip(names, map(str, files), strict=True))
-    named = {
-        "study": f"{names[0].lower()}-{together[:8]}",
+    content = digests[0]
+    if len(digests) > 1:
+        content = hashlib.sha256("".join(digests).encode()).hexdigest()
+    changes = {
+        "study": f"{names[0].lower()}-{content[:8]}",
         "goal": "detectors",
-        "tested": tested,
+        "tested": dict(zip(names, map(str, files), strict=True)),
         "calibrate": calibrate,
     }
-    return validate({**chosen.model_dump(mode="json"), **named}, "conf/")
+    return validate({**chosen.model_dump(mode="json"), **changes}, "conf/")
 
 
 def check(config: Config, models: Sequence[Path]) -> None:
-    """Run each detector on three images in a process of its own; InputError that names the first rule of its contract that one violates."""
+    """Run each detector on three images in a separate process.
+
+    Raises:
+        InputError: a detector violates its contract; the message names the first violated rule.
+    """
     from pipeline.execution.pool import Pool
     from pipeline.execution.worker import Broken
 
@@ -145,18 +146,22 @@ def check(config: Config, models: Sequence[Path]) -> None:
 
 
 def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
+    """A function that checks the detector of a file, in a worker process."""
+    from pipeline.detectors.yolo.export import export_version
     from pipeline.execution.guarded import GuardedDetector
     from pipeline.testing import check_detector
 
     width, height = int(config.camera.get("width", 320)), int(config.camera.get("height", 192))
 
-    def check_one(model: Path) -> None:
+    def check_file(model: Path) -> None:
         try:
             with tempfile.TemporaryDirectory() as folder:
-                file = _exported(model, Path(folder)) if model.suffix == WEIGHTS_SUFFIX else model
-                check_detector(
-                    GuardedDetector(make_detector(config.detector, file), calls), width, height
-                )
+                file = model
+                if model.suffix == WEIGHTS_SUFFIX:
+                    file = Path(folder, "model.onnx")
+                    export_version(model, model.with_name(VERSION_FILES["card"]), file)
+                detector = GuardedDetector(make_detector(config.detector, file), calls)
+                check_detector(detector, width, height)
         except AssertionError as error:
             raise InputError(f"{model}: {error}") from error
         except SimulationError as error:
@@ -168,20 +173,14 @@ def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
                 f"{model}: the detector cannot be made: {type(error).__name__}: {error}"
             ) from error
 
-    return check_one
-
-
-def _exported(weights: Path, folder: Path) -> Path:
-    """The ONNX file of a version of ours, made in `folder`."""
-    from pipeline.detectors.yolo.export import export_version
-
-    export_version(weights, weights.with_name(VERSION_FILES["card"]), folder / "model.onnx")
-    return folder / "model.onnx"
+    return check_file
 
 
 def table(config: Config) -> str:
-    """Failures by detector, scenario and strategy, unnecessary braking, the regions and, for several detectors, the verdict. Errors are in
-    no rate."""
+    """Failures by detector, scenario and strategy, unnecessary braking and the regions.
+
+    For several detectors, the verdict follows. Errors count in no rate.
+    """
     from pipeline.artefacts.calibration_results import DetectorCalibration
     from pipeline.artefacts.comparison_results import Comparison
     from pipeline.artefacts.region_results import FailureRegions
@@ -192,21 +191,21 @@ def table(config: Config) -> str:
     from pipeline.report.verdict import verdict_table
 
     folders = Folders(config)
-    counted = f"{'tests':>6}{'errors':>8}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}{'unnecessary':>13}"
+    counted = f"{'tests':>6}{'errors':>8}{'fail':>6}{'contact':>9}{'late':>6}"
+    counted += f"{'false positives':>17}{'unnecessary':>13}"
     width = 2 + max(8, *map(len, config.tested))
     lines = [f"{'detector':{width}}{'scenario':10}{'strategy':12}{counted}   failure rate"]
     measures = read(Path(folders.root, "measures.json"), Measures)
     for row in measures.strategies:
         modes = row.modes
-        counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{modes.contact:>9}{modes.late:>6}{modes.false_positives:>17}"
-        counts += f"{modes.false_activation:>13}"
-        lines.append(
-            f"{row.version:{width}}{row.scenario:10}{row.strategy:12}{counts}   {percent(row.rate)}"
-        )
+        counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{modes.contact:>9}{modes.late:>6}"
+        counts += f"{modes.false_positives:>17}{modes.false_activation:>13}"
+        search = f"{row.version:{width}}{row.scenario:10}{row.strategy:12}"
+        lines.append(f"{search}{counts}   {percent(row.rate)}")
     if config.audited:
         lines += [base_rate_sentence(measures.of(version).base_rates) for version in config.tested]
     for path in folders.calibrations(config.tested):
-        lines.append(_calibrated(read(Path(path), DetectorCalibration)))
+        lines.append(calibration_sentence(read(Path(path), DetectorCalibration)))
     if braking := braking_in_search(measures):
         lines += ["", "Unnecessary braking\n", *aligned(braking), ""]
     for version in config.tested:
@@ -221,8 +220,12 @@ def table(config: Config) -> str:
     return "\n".join(lines)
 
 
-def _calibrated(found: DetectorCalibration) -> str:
-    if not found.fitted:
-        return f"{found.version} could not be calibrated: {found.right} of {found.detections} detections are correct"
-    before, after = found.errors["uncalibrated"], found.errors["calibrated"]
-    return f"{found.version} is calibrated on {found.images} images: expected calibration error {before:.3f} before, {after:.3f} after"
+def calibration_sentence(calibration: DetectorCalibration) -> str:
+    """How well a detector is calibrated, or why it is not."""
+    version = calibration.version
+    if not calibration.fitted:
+        correct = f"{calibration.right} of {calibration.detections} detections are correct"
+        return f"{version} could not be calibrated: {correct}"
+    before, after = calibration.errors["uncalibrated"], calibration.errors["calibrated"]
+    change = f"expected calibration error {before:.3f} before, {after:.3f} after"
+    return f"{version} is calibrated on {calibration.images} images: {change}"

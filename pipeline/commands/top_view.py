@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,21 +79,25 @@ def run(options: argparse.Namespace) -> int:
 
 
 def top_view(scenario: FunctionalScenario, speeds_mps: Sequence[float]) -> Figure:
-    """One panel for each speed: the street, the unbraked ego each half second, and the pedestrian, unshifted, at the same moments."""
+    """One panel for each speed of the pedestrian.
+
+    It shows the street, the unbraked ego each half second, and the unshifted pedestrian at the
+    same moments.
+
+    Args:
+        scenario: the scenario.
+        speeds_mps: n speeds of the pedestrian.
+    """
     from pipeline.report.style import PAGE_INCHES, panels, styled
 
     low, high = _extent(scenario, speeds_mps)
     width, height = high - low
     columns = 1 if width > 1.3 * height else len(speeds_mps)
     inches = PAGE_INCHES / columns
+    high_inches = inches * height / width + 0.5 + 0.3 * (columns > 1)
     with styled({"axes.grid": False}):
-        figure, rows = panels(
-            len(speeds_mps) // columns,
-            columns,
-            width=inches,
-            height=inches * height / width + 0.5 + 0.3 * (columns > 1),
-        )
-        for axes, speed in zip((one for row in rows for one in row), speeds_mps, strict=True):
+        figure, rows = panels(len(speeds_mps) // columns, columns, width=inches, height=high_inches)
+        for axes, speed in zip(chain.from_iterable(rows), speeds_mps, strict=True):
             _street_map(axes, scenario.town)
             _road_users(axes, scenario, speed)
             axes.set(
@@ -106,7 +111,8 @@ def top_view(scenario: FunctionalScenario, speeds_mps: Sequence[float]) -> Figur
             axes.spines[:].set_visible(False)
             axes.set_title(f"{scenario.label}, pedestrian {speed:g} m/s")
         figure.supxlabel(
-            "Numbers: seconds after the start. Blue: ego, unbraked. Red: pedestrian. Cross: conflict point.",
+            "Numbers: seconds after the start. Blue: ego, unbraked. Red: pedestrian. "
+            "Cross: conflict point.",
             fontsize=9.5,
         )
     return figure
@@ -123,7 +129,7 @@ def ego_pose(scenario: FunctionalScenario, time_s: float) -> Pose:
 
 
 def _extent(scenario: FunctionalScenario, speeds_mps: Sequence[float]) -> tuple[Points, Points]:
-    """Lowest and highest corner of the picture: ego and pedestrian from start to horizon, with a margin."""
+    """Lowest and highest corner of the picture: both from start to horizon, with a margin."""
     times = moments(scenario.ego.horizon_s)
     poses = [ego_pose(scenario, time) for time in times]
     if scenario.has_pedestrian:
@@ -134,61 +140,46 @@ def _extent(scenario: FunctionalScenario, speeds_mps: Sequence[float]) -> tuple[
 
 def _street_map(axes: Axes, town: Town) -> None:
     """Pavements, asphalt, markings and single trees."""
-    every = streets(town)
+    by_name = {street.name: street for street in streets(town)}
     for colour, beyond in ((PAVEMENT, PAVEMENT_WIDTH), (ASPHALT, 0.0)):
-        for street in every:
+        for street in by_name.values():
             axes.fill(*_outline(street, beyond).T, color=colour, linewidth=0)
-    for street in every:
+    for street in by_name.values():
         lines = {street.middle, 0.0} if street.name == "main" else {street.middle}
         for v in lines:
-            axes.plot(*_along(street, v).T, color=MARKING, linewidth=1, dashes=(6, 6))
+            along = np.arange(street.start, street.end, 1.0)
+            points = np.array([street.world(u, v) for u in along])
+            axes.plot(*points.T, color=MARKING, linewidth=1, dashes=(6, 6))
+    half = CROSSWALK_M / 2
     for crosswalk in town.crosswalks:
-        street = next(one for one in every if one.name == crosswalk.street)
-        half = CROSSWALK_M / 2
+        street = by_name[crosswalk.street]
         for v in street.stripes():
             corners = [(-half, v), (half, v), (half, v + 0.5), (-half, v + 0.5)]
-            axes.fill(
-                *np.array([street.world(crosswalk.at_m + u, side) for u, side in corners]).T,
-                color=MARKING,
-                linewidth=0,
-            )
+            stripe = np.array([street.world(crosswalk.at_m + u, side) for u, side in corners])
+            axes.fill(*stripe.T, color=MARKING, linewidth=0)
     if town.rails_x_m is not None:
         for x in (town.rails_x_m - RAIL_M, town.rails_x_m + RAIL_M):
             axes.axvline(x, color=VEHICLE, linewidth=1.2)
+    angles = np.linspace(0, 2 * np.pi, 24)
     for x, y in town.trees:
-        axes.fill(*_disc(x, y, 1.2).T, color=TREE, linewidth=0)
+        crown = x + 1.2 * np.cos(angles), y + 1.2 * np.sin(angles)
+        axes.fill(*crown, color=TREE, linewidth=0)
 
 
 def _outline(street: Street, beyond: float) -> Points:
-    """Corners of the asphalt, or of the asphalt and `beyond` metres on both sides; with the rounded corners of a junction."""
+    """Corners of the asphalt and `beyond` metres on both sides, rounded at a junction."""
     if street.name == "side":
         angles, radius = np.linspace(np.pi, np.pi / 2, 12), CORNER_RADIUS - beyond
-        corner = np.stack(
-            [
-                CORNER_RADIUS + radius * np.cos(angles),
-                LANE_WIDTH + CORNER_RADIUS - radius * np.sin(angles),
-            ],
-            axis=1,
-        )
+        u = CORNER_RADIUS + radius * np.cos(angles)
+        v = LANE_WIDTH + CORNER_RADIUS - radius * np.sin(angles)
+        corner = np.stack([u, v], axis=1)
         left = np.concatenate([corner, [(street.end, LANE_WIDTH + beyond)]])
         return np.array([street.world(u, v) for u, v in [*left, *(left * (1, -1))[::-1]]])
     bay = street.bay or (0.0, 0.0)
-    u = np.sort(
-        np.concatenate(
-            [np.arange(street.start, street.end, 2.0), [bay[0] - 1e-3, *bay, bay[1] + 1e-3]]
-        )
-    )
+    edges = [bay[0] - 1e-3, *bay, bay[1] + 1e-3]
+    u = np.sort(np.concatenate([np.arange(street.start, street.end, 2.0), edges]))
     right = [street.world(at, -street.edge(-1, at) - beyond) for at in u]
     return np.array([*right, *(street.world(at, street.left + beyond) for at in u[::-1])])
-
-
-def _along(street: Street, v: float) -> Points:
-    return np.array([street.world(u, v) for u in np.arange(street.start, street.end, 1.0)])
-
-
-def _disc(x: float, y: float, radius: float) -> Points:
-    angles = np.linspace(0, 2 * np.pi, 24)
-    return np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles)], axis=1)
 
 
 def _road_users(axes: Axes, scenario: FunctionalScenario, speed_mps: float) -> None:
@@ -196,12 +187,10 @@ def _road_users(axes: Axes, scenario: FunctionalScenario, speed_mps: float) -> N
     times = moments(scenario.ego.horizon_s)
     for actor in scenario.actors.values():
         route = actor.route()
-        first, last = (
-            actor.footprint(route.at(actor.travelled(time))) for time in (times[0], times[-1])
-        )
-        axes.fill(
-            *last.corners.T, color=VEHICLE, alpha=0.9 if actor.speed_kmh == 0 else 0.35, linewidth=0
-        )
+        first = actor.footprint(route.at(actor.travelled(times[0])))
+        last = actor.footprint(route.at(actor.travelled(times[-1])))
+        alpha = 0.9 if actor.speed_kmh == 0 else 0.35
+        axes.fill(*last.corners.T, color=VEHICLE, alpha=alpha, linewidth=0)
         axes.fill(*first.corners.T, facecolor="none", edgecolor=VEHICLE, linewidth=1)
     _ego(axes, scenario, times)
     if scenario.has_pedestrian:
@@ -219,12 +208,8 @@ def _ego(axes: Axes, scenario: FunctionalScenario, times: Sequence[float]) -> No
     axes.plot(*path.T, color=EGO, linewidth=1.2)
     for time in times:
         pose = ego_pose(scenario, time)
-        axes.fill(
-            *Rectangle(pose, EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M).corners.T,
-            facecolor=EGO,
-            alpha=0.35,
-            edgecolor=EGO,
-        )
+        footprint = Rectangle(pose, EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M)
+        axes.fill(*footprint.corners.T, facecolor=EGO, alpha=0.35, edgecolor=EGO)
         axes.annotate(
             f"{time:g}",
             (pose.x, pose.y),
@@ -239,7 +224,10 @@ def _ego(axes: Axes, scenario: FunctionalScenario, times: Sequence[float]) -> No
 def _pedestrian(
     axes: Axes, scenario: FunctionalScenario, speed_mps: float, times: Sequence[float]
 ) -> None:
-    """The pedestrian at each moment, with every second's number beside its path; one number for all if it stands."""
+    """The pedestrian at each moment, with every second's number beside its path.
+
+    A standing pedestrian has a single number.
+    """
     poses = [scenario.pedestrian_pose(time, speed_mps) for time in times]
     axes.plot(
         [pose.x for pose in poses],
@@ -252,12 +240,10 @@ def _pedestrian(
     heading = poses[0].heading
     ahead = np.array([np.cos(heading), np.sin(heading)])
     beside = 1.4 * np.array([ahead[1], -ahead[0]])
-    named = [
-        time == times[-1] or (time.is_integer() and time < times[-1] - EVERY_S) for time in times
-    ]
-    texts = {
-        f"{time:g}": pose for time, pose, name in zip(times, poses, named, strict=True) if name
-    }
+    texts = {}
+    for time, pose in zip(times, poses, strict=True):
+        if time == times[-1] or (time.is_integer() and time < times[-1] - EVERY_S):
+            texts[f"{time:g}"] = pose
     if speed_mps == 0:
         texts, beside = {f"{times[0]:g} to {times[-1]:g}": poses[0]}, beside - 1.4 * ahead
     for text, pose in texts.items():

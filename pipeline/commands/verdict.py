@@ -13,6 +13,7 @@ HELP = "Print the verdict of a study."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "--params",
         type=typed,
@@ -25,7 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the table, and where the results are of a study that has no report of its own."""
+    """Print the table; for a study without a report, print where its results are."""
     from pipeline.artefacts.comparison_results import Comparison
     from pipeline.artefacts.results import read
     from pipeline.report.verdict import verdict_table

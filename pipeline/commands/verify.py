@@ -12,10 +12,14 @@ from pipeline.config.project import typed
 from pipeline.core.names import count_of
 from pipeline.errors import InputError
 
-HELP = "Check the study's files against their digests. The stamps of damaged files are removed, so the next run makes the files again."
+HELP = (
+    "Check the study's files against their digests. "
+    "The stamps of damaged files are removed, so the next run makes the files again."
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "--params",
         type=typed,
@@ -36,29 +40,24 @@ def run(options: argparse.Namespace) -> int:
     folder = options.folder or Path(Folders(load(options.params)).root)
     if withdraw_damaged(folder):
         return 1
-    stamped = sum(
-        len(stamp.digests)
-        for path in folder.rglob(f"*{stamps.SUFFIX}")
-        if (stamp := stamps.read(path))
-    )
+    written = filter(None, map(stamps.read, folder.rglob(f"*{stamps.SUFFIX}")))
+    stamped = sum(len(stamp.digests) for stamp in written)
     if options.folder and not stamped:
         raise InputError(
             f"--folder: expected the folder of a study, found no stamped file in {folder}"
         )
-    print(
-        f"{folder}: {count_of(stamped, 'stamped file') + ', none damaged' if stamped else 'not made yet, so nothing to verify'}"
-    )
+    checked = f"{count_of(stamped, 'stamped file')}, none damaged"
+    print(f"{folder}: {checked if stamped else 'not made yet, so nothing to verify'}")
     return 0
 
 
 def withdraw_damaged(folder: Path) -> int:
-    """Name each damaged file below a folder and withdraw its stamp; returns the number of these files."""
-    found = list(stamps.damaged(folder))
-    for file, stamp in found:
+    """Print each damaged file below a folder and withdraw its stamp; returns their number."""
+    damaged = list(stamps.damaged(folder))
+    for file, stamp in damaged:
         print(f"{file}: damaged or edited; the next run makes it again", flush=True)
         stamps.withdraw(stamp)
-        if (
-            file.is_dir()
-        ):  # Snakemake removes files before it makes them, but no folders in their place.
+        # Snakemake removes files before it makes them, but no folders in their place.
+        if file.is_dir():
             stamps.remove(file)
-    return len(found)
+    return len(damaged)

@@ -23,6 +23,7 @@ COLUMNS = (
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         "--store", type=typed, default=STORE, help="MLflow's database (default: %(default)s)"
     )
@@ -32,9 +33,8 @@ def run(options: argparse.Namespace) -> int:
     """Print a row for each version."""
     from pipeline.tracking.registry import registered
 
-    rows = [
-        COLUMNS,
-        *(tuple(row.get(name, "") for name in COLUMNS) for row in registered(options.store)),
-    ]
+    rows: list[tuple[str, ...]] = [COLUMNS]
+    for version in registered(options.store):
+        rows.append(tuple(version.get(name, "") for name in COLUMNS))
     print("\n".join(in_columns(rows)))
     return 0

@@ -363,19 +363,3 @@ def held_out_worlds(config: Config) -> tuple[str, ...]:
 
 JUDGED = ("detector", "vehicle", "aeb", "campaign.match_iou", "campaign.failure_threshold_s")
 """The keys that determine how a detector's report becomes motion and a KPI."""
-
-FAN_OUT = (
-    *(
-        "study",
-        "search",
-        "held_out",
-        "seeds",
-        "strategies",
-        "arms",
-        "retraining.rounds",
-        "retraining.seeds",
-        "retraining.searches",
-    ),
-    *("comparison.strategy", "comparison.seed", "campaign.transfer", "campaign.audit"),
-)
-"""The keys that determine a study's jobs and the files that they read."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.artefacts.stamp_parts import MARKS
 from pipeline.config.composing import of_snakemake
-from pipeline.contract import REFUSED, Order, perform
+from pipeline.contract import REJECTED, Order, perform
 from pipeline.errors import InputError, explained, one_line
 
 
@@ -24,13 +24,14 @@ def main(job: Any) -> None:
     try:
         perform(order, of_snakemake(job.config))
     except KeyboardInterrupt:
-        sys.exit(130)  # Whoever started Snakemake says that it was stopped.
+        sys.exit(130)  # Whoever started Snakemake reports that it was stopped.
     except Exception as error:
-        if (told := explained(error)) is None:
+        explanation = explained(error)
+        if explanation is None:
             raise
-        if isinstance(told, InputError):
-            REFUSED.touch()
-        sys.exit(f"blindspot {job.rule}: {one_line(told)}")
+        if isinstance(explanation, InputError):
+            REJECTED.touch()
+        sys.exit(f"blindspot {job.rule}: {one_line(explanation)}")
 
 
 if __name__ == "__main__":  # Worker processes import this file, too.

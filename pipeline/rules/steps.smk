@@ -1,7 +1,8 @@
 # One rule a step, made from its contract. Threads and resources are in profiles/.
 #
-# `snakemake --lint` asks for a conda environment or a container for each rule. There is none on purpose: all steps use the one
-# environment of pyproject.toml and requirements.lock, and every job runs in the Python that runs Snakemake.
+# `snakemake --lint` asks for a conda environment or a container for each rule. There is none on
+# purpose: all steps use the environment of pyproject.toml and requirements.lock, and every job runs
+# in the Python that runs Snakemake.
 wildcard_constraints:
     **PLAN.jobs.constraints,
 

@@ -1,4 +1,7 @@
-"""Step `calibrate`: calibrates the confidences of a detector that a study only tests on the base set's validation images."""
+"""Step `calibrate`: calibrates the confidences of a detector that a study only tests.
+
+It uses the validation images of the base set.
+"""
 
 from __future__ import annotations
 
@@ -33,17 +36,24 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Fit Platt scaling to the detector's scores and write it, with the reliability of the scores before and after it."""
+    """Fit Platt scaling to the detector's scores and write it.
+
+    The file also has the reliability of the scores before and after.
+    """
     from pipeline.core.reliability import calibration_error, platt, reliability
     from pipeline.detectors.evaluation import judged_scores
 
     validation, model = read_dataset(job.input("truth").parent, "val"), job.input("detector")
-    scores, right = judged_scores(
-        detect_all(job.config, model, validation, job.progress), validation
-    )
+    detections = detect_all(job.config, model, validation, job.progress)
+    scores, right = judged_scores(detections, validation)
     calibration = platt(scores, right)
-    shown = {"uncalibrated": scores, "calibrated": calibration.apply(scores)}
-    diagrams = {name: reliability(values, right) for name, values in shown.items()}
+    diagrams = {
+        "uncalibrated": reliability(scores, right),
+        "calibrated": reliability(calibration.apply(scores), right),
+    }
+    rows = {}
+    for name, diagram in diagrams.items():
+        rows[name] = tuple((bin_.score, bin_.right, bin_.count) for bin_ in diagram)
     result = DetectorCalibration(
         version=job.wildcards["version"],
         slope=calibration.slope,
@@ -53,10 +63,7 @@ def run(job: Job) -> None:
         images=len(validation),
         detections=len(scores),
         right=int(right.sum()),
-        reliability={
-            name: tuple((b.score, b.right, b.count) for b in diagram)
-            for name, diagram in diagrams.items()
-        },
+        reliability=rows,
         errors={name: calibration_error(diagram) for name, diagram in diagrams.items()},
     )
     write(job.output("calibration"), result)
@@ -65,9 +72,21 @@ def run(job: Job) -> None:
 def detect_all(
     config: Config, model: Path, images: ImageSet, progress: OnProgress
 ) -> list[Detections]:
-    """The detections in each image, down to the lowest score that the calibration uses; InputError if the detector fails on an image.
+    """The detections in each image, down to the lowest score that the calibration uses.
 
-    The detector runs in a process of its own with the limits of a test.
+    The detector runs in a separate process with the limits of a test.
+
+    Args:
+        config: the section `detector`, and the limits.
+        model: the detector's file.
+        images: n images.
+        progress: called after each image.
+
+    Returns:
+        n detections, in the order of the images.
+
+    Raises:
+        InputError: the detector fails on an image.
     """
     from pipeline.core.episode import Frame
     from pipeline.detectors.evaluation import CALIBRATED_FROM, truths_of
@@ -76,29 +95,24 @@ def detect_all(
 
     lowest = {"threshold": CALIBRATED_FROM} if "threshold" in config.detector else {}
     make = partial(_detection, {**config.detector, **lowest}, model)
-    frames = [
-        Frame(image, truth) for image, truth in zip(images.images, truths_of(images), strict=True)
-    ]
-    found: dict[int, Detections] = {}
+    frames = list(map(Frame, images.images, truths_of(images)))
+    detections: dict[int, Detections] = {}
+    boxes = 0
     with Pool(1, make, config.limits) as pool:
-        for index, said in pool.run(frames):
-            if isinstance(said, Broken | str):
-                raise InputError(
-                    f"{model} fails on validation image {index + 1}: {said if isinstance(said, str) else said.reason}"
-                )
-            found[index] = said
-            progress(
-                len(found),
-                len(images),
-                f"{sum(len(one.boxes) for one in found.values())} detections",
-            )
-    return [found[index] for index in range(len(images))]
+        for index, outcome in pool.run(frames):
+            if isinstance(outcome, Broken | str):
+                reason = outcome.reason if isinstance(outcome, Broken) else outcome
+                raise InputError(f"{model} fails on validation image {index + 1}: {reason}")
+            detections[index] = outcome
+            boxes += len(outcome.boxes)
+            progress(len(detections), len(images), f"{boxes} detections")
+    return [detections[index] for index in range(len(images))]
 
 
 def _detection(
     section: Mapping[str, Any], model: Path, calls: Calls
 ) -> Callable[[Frame], Detections | str]:
-    """What detects in a frame; it returns why the detector failed."""
+    """A function that detects in a frame; it returns the reason if the detector fails."""
     from pipeline.config.components import make_detector
     from pipeline.execution.guarded import GuardedDetector
 

@@ -1,4 +1,4 @@
-"""Step `campaign`: one strategy tests one model version on one scenario, batch by batch, in closed loop."""
+"""Step `campaign`: a strategy tests a model version on a scenario in closed loop, in batches."""
 
 from __future__ import annotations
 
@@ -25,8 +25,13 @@ KINDS = {"kind": f"campaigns|{AUDITS}|{HELD_OUT}|retrained/campaigns"}
 FOLDER = "{kind}/{scenario}/{strategy}/{version}/{seed}"
 
 
+def detector_files(folders: Folders, version: str) -> dict[str, Files]:
+    """The files of `setup`: the detector's, and its calibration."""
+    return {"model": folders.detector(version), "calibration": folders.calibrations([version])}
+
+
 def reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    """What the tests of a campaign are executed with."""
+    """The files that executing the tests of a campaign needs."""
     return {
         "space": folders.space(wildcards["scenario"]),
         **detector_files(folders, wildcards["version"]),
@@ -34,25 +39,16 @@ def reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    return {
-        **reads(folders, wildcards),
-        "earlier": folders.earlier(**wildcards),
-        **_shards(folders, wildcards),
-    }
-
-
-def _shards(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    """The tables of the jobs that share the campaign, by table; none if one job executes it."""
+    """Also the earlier campaigns, and the tables of the jobs that share the campaign, if any."""
     config = folders.config
-    shards = (
-        []
-        if config.learns(wildcards["strategy"])
-        else Shard.of(_tests(config, wildcards), config.campaign.shards)
-    )
+    shards: list[Shard] = []
+    if not config.learns(wildcards["strategy"]):
+        shards = Shard.of(_tests(config, wildcards), config.campaign.shards)
+    files = {**reads(folders, wildcards), "earlier": folders.earlier(**wildcards)}
     root = f"{folders.root}/{SHARDS}/{FOLDER.format(**wildcards)}"
-    return {
-        f"shard_{name}": [f"{root}/{shard}/{name}.parquet" for shard in shards] for name in TABLES
-    }
+    for name in TABLES:
+        files[f"shard_{name}"] = [f"{root}/{shard}/{name}.parquet" for shard in shards]
+    return files
 
 
 def _tests(config: Config, wildcards: Wildcards) -> int:
@@ -61,27 +57,26 @@ def _tests(config: Config, wildcards: Wildcards) -> int:
     return config.campaign.audit if wildcards["kind"] == AUDITS else config.campaign.tests
 
 
-def detector_files(folders: Folders, version: str) -> dict[str, Files]:
-    """The files of `setup`: the detector's, and its calibration."""
-    return {"model": folders.detector(version), "calibration": folders.calibrations([version])}
-
-
 def setup(job: Job, keep_every: int = 0) -> Setup:
-    """What the tests of a job are executed with: its scenario and its model, calibrated if the study calibrates it."""
+    """The setup of the tests of a job: its scenario and its model, calibrated if the study asks.
+
+    Args:
+        job: of any step that declares `detector_files`.
+        keep_every: number of frames of which the first is kept; 0 for none.
+    """
     from pipeline.execution.workers import Setup
 
+    scenario, model = job.wildcards["scenario"], job.input("model")
     calibration = read_calibration(job.inputs("calibration"))
-    return Setup.of(
-        job.config,
-        job.wildcards["scenario"],
-        job.input("model"),
-        calibration,
-        keep_every=keep_every,
-    )
+    return Setup.of(job.config, scenario, model, calibration, keep_every=keep_every)
 
 
 def sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """The size of the search does not matter to the comparison and the audit, but the same threshold judges all tests."""
+    """The keys that a campaign depends on.
+
+    The size of the search does not matter to the comparison and the audit, but the same threshold
+    judges all tests.
+    """
     budgets = {HELD_OUT: ("comparison.tests",), AUDITS: ("campaign.audit",)}
     budget = budgets.get(wildcards["kind"], ("campaign.tests", "campaign.keep_every"))
     return ("scenarios.{scenario}", "samplers.{strategy}", "simulator", *JUDGED, "limits", *budget)
@@ -101,38 +96,47 @@ STEP = Step(
 def run(job: Job) -> None:
     """Execute the campaign, or join its shards, and write its tables.
 
-    Except for the timings, the tables depend only on the config, the model and `earlier`, not on threads, shards or kills.
+    Except for the timings, the tables depend only on the config, the model and `earlier`, not on
+    threads, shards or kills.
     """
     from pipeline.execution.campaign import join, run_campaign
 
+    tests = job.output("tests")
     if shards := job.inputs("shard_tests"):
-        join(_named(job.wildcards), shards, read_space(job.input("space"))[1], job.output("tests"))
+        join(_identity(job.wildcards), shards, read_space(job.input("space"))[1], tests)
     else:
-        run_campaign(
-            planned(job, job.inputs("earlier")),
-            job.output("tests"),
-            job.scratch,
-            job.threads,
-            job.progress,
-        )
+        plan = planned(job, job.inputs("earlier"))
+        run_campaign(plan, tests, job.scratch, job.threads, job.progress)
 
 
-def _named(wildcards: Wildcards) -> CampaignId:
+def _identity(wildcards: Wildcards) -> CampaignId:
     return CampaignId(
         wildcards["scenario"], wildcards["strategy"], wildcards["version"], int(wildcards["seed"])
     )
 
 
 def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) -> CampaignPlan:
-    """The plan of a job's campaign; InputError if its model is missing."""
+    """The plan of a job's campaign.
+
+    Args:
+        job: of this step or of step `shard`.
+        earlier: tables of tests from which the strategy learns.
+        shard: the part of the campaign to execute; None for all of it.
+
+    Raises:
+        InputError: the model is missing.
+    """
     from pipeline.execution.campaign import CampaignPlan
 
     config, model, wildcards = job.config, job.input("model"), job.wildcards
-    campaign = _named(wildcards)
+    campaign = _identity(wildcards)
     if not model.exists():
         raise InputError(
-            f"{model}: expected the detector of version '{campaign.version}', found none; train it first"
+            f"{model}: expected the detector of version '{campaign.version}', found none; "
+            "train it first"
         )
+    frozen = wildcards["kind"] == HELD_OUT
+    keeps_no_frames = frozen or wildcards["kind"] == AUDITS
     return CampaignPlan(
         campaign=campaign,
         space=read_space(job.input("space"))[1],
@@ -141,8 +145,6 @@ def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) 
         strategy=config.samplers[campaign.strategy],
         earlier=earlier,
         shard=shard,
-        frozen=wildcards["kind"] == HELD_OUT,
-        setup=setup(
-            job, 0 if wildcards["kind"] in (HELD_OUT, AUDITS) else config.campaign.keep_every
-        ),
+        frozen=frozen,
+        setup=setup(job, 0 if keeps_no_frames else config.campaign.keep_every),
     )

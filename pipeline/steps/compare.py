@@ -1,8 +1,11 @@
-"""Step `compare`: every model version on the same frozen held-out sequence (thesis section 7.3), paired test by test."""
+"""Step `compare`: compares all model versions on the same frozen held-out sequence.
+
+They are paired test by test, as in section 7.3 of the thesis.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.comparison_results import write_changes
 from pipeline.artefacts.files import write_json
@@ -23,16 +26,17 @@ if TYPE_CHECKING:
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """A study that only tests detectors has no base set."""
-    judged = ("campaign.failure_threshold_s", "campaign.match_iou", "comparison.second_iou")
-    own = (
+    keys = (
         "comparison.alpha",
         "comparison.confidence",
         "comparison.margin",
         "regions",
         "tested",
-        *judged,
+        "campaign.failure_threshold_s",
+        "campaign.match_iou",
+        "comparison.second_iou",
     )
-    return own if config.tested else (*own, "base_set.rare")
+    return keys if config.tested else (*keys, "base_set.rare")
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
@@ -44,17 +48,11 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "models": folders.cards,
         "measures": f"{folders.root}/measures.json",
     }
-    if config.tested:
-        return files
-    searched = {
-        "searched": folders.search("tests.parquet"),
-        "searched_spaces": folders.spaces(config.search),
-    }
-    return (
-        files
-        | searched
-        | {"regions": [folders.regions("base", scenario) for scenario in config.search]}
-    )
+    if not config.tested:
+        files["searched"] = folders.search("tests.parquet")
+        files["searched_spaces"] = folders.spaces(config.search)
+        files["regions"] = [folders.regions("base", scenario) for scenario in config.search]
+    return files
 
 
 STEP = Step(
@@ -66,12 +64,14 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Compare the versions and write the comparison, all their tests, the changed tests, and the metrics for DVC.
+    """Write the comparison, all tests of the versions, the changed tests, and DVC's metrics.
 
     The order of the cards, or of detectors that a study only tests, is the order of the versions.
 
-    Raises InputError if the versions did not execute the same points in the same order, or if one has no campaign, was judged at another
-    threshold than the config's, or was trained on a held-out town or on held-out people.
+    Raises:
+        InputError: the versions did not execute the same points in the same order, or one has no
+            campaign, was judged at another threshold than the config's, or was trained on a
+            held-out town or on held-out people.
     """
     from pipeline.analysis.comparison import (
         base_regions,
@@ -88,40 +88,33 @@ def run(job: Job) -> None:
     from pipeline.learning.leakage import refuse_learnt
 
     config, settings = job.config, job.config.comparison
-    known = read_spaces(job.inputs("spaces"))
-    infos = {name: info for name, (info, _) in known.items()}
+    spaces = read_spaces(job.inputs("spaces"))
+    infos = {name: info for name, (info, _) in spaces.items()}
     cards = [read_card(path) for path in job.inputs("models")]
-    refuse_learnt(cards, [info for info, _ in known.values()])
-    versions, threshold_s = (
-        [card.version for card in cards] or list(config.tested),
-        config.campaign.failure_threshold_s,
-    )
+    refuse_learnt(cards, list(infos.values()))
+    versions = [card.version for card in cards] or list(config.tested)
+    threshold_s = config.campaign.failure_threshold_s
     held_out = read_held_out(job.inputs("tests"), versions, infos, threshold_s, job.progress)
-    digest = held_out.digest({name: space.names for name, (_, space) in known.items()})
-    regions = base_regions(held_out, known, config.regions)
+    digest = held_out.digest({name: space.names for name, (_, space) in spaces.items()})
+    regions = base_regions(held_out, spaces, config.regions)
     measures = read(job.input("measures"), Measures)
-    first, policy = (
-        next(space for _, space in known.values()),
-        Policy(settings.alpha, settings.confidence, settings.margin),
-    )
-    named = named_groups(first, encode_tests(held_out.rows(versions[0]), first))
-    result = compare(held_out, named, digest, regions, policy, config.version).model_copy(
-        update={"base_rates": measures.base_rates}
-    )
+    first = next(space for _, space in spaces.values())
+    policy = Policy(settings.alpha, settings.confidence, settings.margin)
+    groups = named_groups(first, encode_tests(held_out.rows(versions[0]), first))
+    result = compare(held_out, groups, digest, regions, policy, config.version)
+    updates: dict[str, Any] = {"base_rates": measures.base_rates}
     if settings.second_iou:
         again = read_held_out(job.inputs("second_iou"), versions, infos, threshold_s, job.progress)
         ious = settings.second_iou, config.campaign.match_iou
-        result = result.model_copy(
-            update={"second": compared_again(again, *ious, policy, config.version)}
-        )
+        updates["second"] = compared_again(again, *ious, policy, config.version)
     if cards:
-        shown, learnt = Frequencies(**config.base_set.rare.model_dump()), cards[0].frequencies
-        planted = (
-            () if learnt is None else tuple(planted_groups(learnt, _searched(job), held_out, named))
-        )
-        result = result.model_copy(
-            update={"trained_on": learnt, "base_set": shown, "planted": planted}
-        )
+        learnt = cards[0].frequencies
+        updates["trained_on"] = learnt
+        updates["base_set"] = Frequencies(**config.base_set.rare.model_dump())
+        updates["planted"] = ()
+        if learnt is not None:
+            updates["planted"] = tuple(planted_groups(learnt, _searched(job), held_out, groups))
+    result = result.model_copy(update=updates)
     write(job.output("comparison"), result)
     write_tests(job.output("table"), held_out.joined, first)
     write_changes(job.output("changes"), changed_tests(result, held_out.joined, first.names))
@@ -136,9 +129,7 @@ def _searched(job: Job) -> Searched:
     from pipeline.analysis.planted import Searched
 
     rows = read_all_tests(job.inputs("searched"))
-    spaces = {
-        name: space for name, (_, space) in read_spaces(job.inputs("searched_spaces")).items()
-    }
-    return Searched(
-        rows[is_valid(rows)], spaces, [read(path, FailureRegions) for path in job.inputs("regions")]
-    )
+    described = read_spaces(job.inputs("searched_spaces"))
+    spaces = {name: space for name, (_, space) in described.items()}
+    regions = [read(path, FailureRegions) for path in job.inputs("regions")]
+    return Searched(rows[is_valid(rows)], spaces, regions)

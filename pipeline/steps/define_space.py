@@ -1,4 +1,7 @@
-"""Step `define_space`: writes the logical scenario space of a functional scenario, with the number of pairs that coverage counts."""
+"""Step `define_space`: writes the logical scenario space of a functional scenario.
+
+The file also has the number of pairs that coverage counts.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""Step `detector_report`: the page of a detector that a study only tests: failures, regions, replays and, with several detectors, the
-comparison."""
+"""Step `detector_report`: the page of a detector that a study only tests.
+
+It shows failures, regions, replays and, with several detectors, the comparison.
+"""
 
 from __future__ import annotations
 
@@ -47,9 +49,8 @@ def run(job: Job) -> None:
         )
     rows = read_all_tests(job.inputs("tests"))
     calibrations = [read(path, DetectorCalibration) for path in job.inputs("calibrations")]
-    calibrations.sort(
-        key=lambda found: found.version != version
-    )  # The page's own detector comes first.
+    # The page's own detector comes first.
+    calibrations.sort(key=lambda calibration: calibration.version != version)
     data = ReportData(
         version=version,
         measures=read(job.input("measures"), Measures).of(version),
@@ -61,7 +62,7 @@ def run(job: Job) -> None:
         frames=job.inputs("frames"),
         files=job.digests(),
         compared=compared,
-        calibrations={found.version: found for found in calibrations},
+        calibrations={calibration.version: calibration for calibration in calibrations},
     )
     figures = draw_figures(data, list(config.strategies), config.campaign.failure_threshold_s)
     write_bytes(job.output("page"), render(make_page(config, data, figures, job.progress)).encode())

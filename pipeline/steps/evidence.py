@@ -1,4 +1,7 @@
-"""Step `evidence`: what a study shows about a detector, for a safety case: evidence/<version>.json and the same as a page to print."""
+"""Step `evidence`: what a study shows about a detector, for a safety case.
+
+It writes evidence/<version>.json and the same as a page to print.
+"""
 
 from __future__ import annotations
 
@@ -33,18 +36,10 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    samplers = (
-        f"samplers.{name}" for name in (*config.strategies, *([AUDIT] if config.audited else []))
-    )
-    return (
-        "study",
-        "goal",
-        "search",
-        "exposure",
-        "regions",
-        "campaign.failure_threshold_s",
-        *samplers,
-    )
+    strategies = [*config.strategies, *([AUDIT] if config.audited else [])]
+    samplers = [f"samplers.{name}" for name in strategies]
+    threshold = "campaign.failure_threshold_s"
+    return ("study", "goal", "search", "exposure", "regions", threshold, *samplers)
 
 
 STEP = Step(
@@ -67,8 +62,8 @@ def run(job: Job) -> None:
     from pipeline.report.page import render
 
     config, version, exposure = job.config, job.wildcards["version"], job.config.exposure
-    found = _judged(job)
-    scenarios, together = tuple(map(scenario_evidence, found)), whole(found, exposure)
+    searches = _judged(job)
+    scenarios, together = tuple(map(scenario_evidence, searches)), whole(searches, exposure)
     settings = json.dumps(config.model_dump(mode="json", exclude_unset=True), sort_keys=True)
     evidence = Evidence(
         study=config.study,
@@ -88,28 +83,25 @@ def run(job: Job) -> None:
 
 
 def _judged(job: Job) -> list[Judged]:
+    """The search of each scenario, judged under the exposure."""
     from pipeline.analysis.evidence import Searched, judged
 
     rows = read_all_tests(job.inputs("tests"))
     independent = frozenset(filter(job.config.independent, job.config.samplers))
-    found = []
-    for done, (space_file, regions) in enumerate(
-        zip(job.inputs("spaces"), job.inputs("regions"), strict=True), 1
-    ):
+    searches = []
+    files = zip(job.inputs("spaces"), job.inputs("regions"), strict=True)
+    for done, (space_file, regions_file) in enumerate(files, 1):
         info, space = read_space(space_file)
-        tested = Searched(
-            info,
-            space,
-            rows[rows["scenario"] == info.name],
-            read(regions, FailureRegions),
-            independent,
-        )
-        found.append(judged(tested, job.config.regions, job.config.exposure))
+        tests = rows[rows["scenario"] == info.name]
+        regions = read(regions_file, FailureRegions)
+        searched = Searched(info, space, tests, regions, independent)
+        searches.append(judged(searched, job.config.regions, job.config.exposure))
         job.progress(done, len(job.config.search), info.name)
-    return found
+    return searches
 
 
 def _identity(job: Job) -> ModelIdentity:
+    """The detector's version, file and digests."""
     from pipeline.artefacts.evidence import ModelIdentity
     from pipeline.artefacts.model_card import read_card
 

@@ -19,10 +19,9 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
             f"version: '{version}' is no tested detector; known are {', '.join(tested) or 'none'}"
         )
     weights = PurePosixPath(tested[version])
-    card = weights.with_name(VERSION_FILES["card"])
     return {
         "weights": str(weights),
-        "card": str(card),
+        "card": str(weights.with_name(VERSION_FILES["card"])),
         "spaces": folders.spaces(folders.config.held_out),
     }
 
@@ -36,12 +35,14 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Write the ONNX file, with the calibration of the version's card; InputError if it learnt from a held-out town or its people."""
+    """Write the ONNX file, with the calibration of the version's card.
+
+    Raises:
+        InputError: the version learnt from a held-out town or its people.
+    """
     from pipeline.detectors.yolo.export import export_version
     from pipeline.learning.leakage import refuse_learnt
 
-    refuse_learnt(
-        [read_card(job.input("card"))],
-        [info for info, _ in read_spaces(job.inputs("spaces")).values()],
-    )
+    held_out = [info for info, _ in read_spaces(job.inputs("spaces")).values()]
+    refuse_learnt([read_card(job.input("card"))], held_out)
     export_version(job.input("weights"), job.input("card"), job.output("onnx"))

@@ -1,7 +1,8 @@
-"""Step `filter`: judges which campaign frames are fit for training (thesis section 7.2), with the reason for each.
+"""Step `filter`: judges which campaign frames are fit for training, with the reason for each.
 
-Adaptive strategies search for tests in which the pedestrian is hard to see, so many labels are right although no person could find the
-pedestrian. The thesis removed such images by eye; here measured visibility decides, and a person can overrule it.
+Adaptive strategies search for tests in which the pedestrian is hard to see, so many labels are
+right although no person could find the pedestrian. The thesis (section 7.2) removed such images by
+eye; here measured visibility decides, and a person can overrule it.
 """
 
 from __future__ import annotations
@@ -15,18 +16,11 @@ from pipeline.contract import Job, Step, Wildcards
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """Only a person's table needs the list of campaigns, because it may name frames of any of them."""
-    known = (
-        "goal",
-        "search",
-        "seeds",
-        "strategies",
-        "arms",
-        "campaign.tests",
-        "retraining.rounds",
-        "retraining.seeds",
-    )
-    return ("filter", *(known if config.filter.overrules else ()))
+    """Only a person's table needs the list of campaigns, because it may name frames of any."""
+    if not config.filter.overrules:
+        return ("filter",)
+    campaigns = ("goal", "search", "seeds", "strategies", "arms", "campaign.tests")
+    return ("filter", *campaigns, "retraining.rounds", "retraining.seeds")
 
 
 STEP = Step(
@@ -44,9 +38,11 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Judge every kept frame of one strategy's campaigns against a version and write the table.
+    """Judge every kept frame of a strategy's campaigns against a version and write the table.
 
-    Raises InputError that names the row if a person's table (`filter.overrules`) overrules a frame that does not exist.
+    Raises:
+        InputError: a row of a person's table (`filter.overrules`) names a frame that does not
+            exist.
     """
     from pipeline.learning.frame_filter import judge, judged_elsewhere, overrule
 

@@ -1,32 +1,29 @@
-"""Step `front_car_evaluate`: tests both detectors of the forward vehicle on the same snapshots of every feasible point."""
+"""Step `front_car_evaluate`: tests both detectors of the forward vehicle.
+
+Both see the same snapshots of every feasible point.
+"""
 
 from __future__ import annotations
 
 from pipeline.artefacts.dataset import read_dataset
-from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Judged, Points
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read, write
-from pipeline.contract import Files, Job, Step, Wildcards
+from pipeline.contract import Job, Step
 from pipeline.core.detections import Detections
 from pipeline.core.truth import Truth
 
 VERSIONS = ("existing", "covered")
 
 
-def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    versions = [folders.version(version, "detectors") for version in VERSIONS]
-    return {
-        "points": f"{folders.root}/points.json",
-        **folders.dataset("snapshots/test"),
-        "cards": [version["card"] for version in versions],
-        "models": [version["onnx"] for version in versions],
-    }
-
-
 STEP = Step(
     "Test the detectors of the forward vehicle.",
-    reads=_reads,
+    reads=lambda folders, wildcards: {
+        "points": f"{folders.root}/points.json",
+        **folders.dataset("snapshots/test"),
+        "cards": [folders.version(name, "detectors")["card"] for name in VERSIONS],
+        "models": [folders.version(name, "detectors")["onnx"] for name in VERSIONS],
+    },
     writes=lambda folders: {"evaluation": f"{folders.root}/evaluation.json"},
     sections=("front_car.space", "front_car.test_images", "front_car.images", "detector"),
 )
@@ -37,41 +34,36 @@ def run(job: Job) -> None:
     from pipeline.detectors.evaluation import evaluate, truths_of
     from pipeline.learning.versions import detect_all
 
-    threshold = job.config.threshold
-    known, images = (
-        read(job.input("points"), Points),
-        read_dataset(job.input("truth").parent, "val"),
-    )
-    space, each = job.config.front_car.space.space(), job.config.front_car.test_images
+    threshold, settings = job.config.threshold, job.config.front_car
+    points = read(job.input("points"), Points)
+    images = read_dataset(job.input("truth").parent, "val")
+    space, each = settings.space.space(), settings.test_images
     results = []
     models = list(zip(job.inputs("cards"), job.inputs("models"), strict=True))
     for done, (path, model) in enumerate(models, 1):
         card = read_card(path)
-        found = detect_all(model, images, job.progress)
+        detections = detect_all(model, images, job.progress)
         right = [
-            _right(detections, truth, threshold)
-            for detections, truth in zip(found, truths_of(images), strict=True)
+            is_right(in_image, truth, threshold)
+            for in_image, truth in zip(detections, truths_of(images), strict=True)
         ]
         judged = []
-        for i, row in enumerate(job.config.front_car.space.feasible_points()):
+        for i, row in enumerate(settings.space.feasible_points()):
             values = {name: str(value) for name, value in space.decode(row.astype(float)).items()}
             judged.append(Judged(values=values, right=tuple(right[i * each : (i + 1) * each])))
-        learnt = known.existing if card.version == "existing" else len(known.points)
-        metrics = evaluate(found, images, threshold)
-        results.append(
-            DetectorResult(
-                version=card.version,
-                learnt_points=learnt,
-                images=job.config.front_car.images,
-                metrics=metrics,
-                points=tuple(judged),
-            )
+        result = DetectorResult(
+            version=card.version,
+            learnt_points=points.existing if card.version == "existing" else len(points.points),
+            images=settings.images,
+            metrics=evaluate(detections, images, threshold),
+            points=tuple(judged),
         )
+        results.append(result)
         job.progress(done, len(models), f"{card.version}: right on {sum(right)} of {len(right)}")
     write(job.output("evaluation"), Evaluation(threshold=threshold, detectors=tuple(results)))
 
 
-def _right(detections: Detections, truth: Truth, threshold: float) -> bool:
+def is_right(detections: Detections, truth: Truth, threshold: float) -> bool:
     """Whether the detector finds the forward vehicle if it is there, and nothing else."""
     from pipeline.detectors.evaluation import matching_at
 

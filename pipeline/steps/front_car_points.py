@@ -1,4 +1,7 @@
-"""Step `front_car_points`: draws random points, then proposes points until every feasible cell is covered (Cheng et al., section 5)."""
+"""Step `front_car_points`: draws random points and proposes points until all cells are covered.
+
+Cells are the feasible ones of Cheng et al., section 5.
+"""
 
 from __future__ import annotations
 
@@ -25,27 +28,24 @@ def run(job: Job) -> None:
     space, feasible = settings.space.space(), settings.space.feasible_points()
     if settings.existing > len(feasible):
         raise InputError(
-            f"front_car.existing must be at most {len(feasible)}, the number of feasible points; got {settings.existing}"
+            f"front_car.existing must be at most {len(feasible)}, the number of feasible points; "
+            f"got {settings.existing}"
         )
-    drawn = np.random.default_rng(settings.seed).choice(
-        len(feasible), settings.existing, replace=False
-    )
-    points = feasible[drawn]
+    rng = np.random.default_rng(settings.seed)
+    points = feasible[rng.choice(len(feasible), settings.existing, replace=False)]
     demand = Demand(space.constraints, settings.k)
     for proposal in Proposer(demand).complete(points, exact=True):
         points = np.vstack([points, proposal.categories])
-    named, required = [], 0
+    covered, required = [], 0
     for i in range(len(points)):
         coverage = projection_coverage(points[: i + 1], demand)
         required = coverage.required
-        values = {
-            name: str(value)
-            for name, value in space.decode(space.representatives(points[i : i + 1])[0]).items()
-        }
+        point = space.decode(space.representatives(points[i : i + 1])[0])
+        values = {name: str(value) for name, value in point.items()}
         name = f"E{i + 1}" if i < settings.existing else f"G{i + 1 - settings.existing}"
-        named.append(CoveredPoint(name=name, values=values, covered=coverage.covered))
+        covered.append(CoveredPoint(name=name, values=values, covered=coverage.covered))
         job.progress(i + 1, len(points), f"{name}: {coverage.covered} of {required} cells")
-    write(
-        job.output("points"),
-        Points(k=settings.k, existing=settings.existing, required=required, points=tuple(named)),
+    result = Points(
+        k=settings.k, existing=settings.existing, required=required, points=tuple(covered)
     )
+    write(job.output("points"), result)

@@ -39,27 +39,23 @@ def run(job: Job) -> None:
     from pipeline.report.style import save_png
 
     root, plots = job.input("images").parent, {path.stem: path for path in job.outputs("plots")}
-    known, result = read(job.input("points"), Points), read(job.input("evaluation"), Evaluation)
+    points, result = read(job.input("points"), Points), read(job.input("evaluation"), Evaluation)
     space = job.config.front_car.space.space()
-    categories = space.categorise(
-        np.array([space.encode(dict(point.values)) for point in known.points])
-    )
-    first = [0, *accumulate(job.config.front_car.images_of(len(known.points)))][:-1]
-    images = [decode_jpeg(read_bytes(image_path(root, "train", index))) for index in first]
-    classes = [
-        np.asarray(Image.open(io.BytesIO(read_bytes(segments_path(root, "train", index)))))
-        for index in first
-    ]
+    encoded = np.array([space.encode(dict(point.values)) for point in points.points])
+    images, classes = [], []
+    for index in [0, *accumulate(job.config.front_car.images_of(len(points.points)))][:-1]:
+        images.append(decode_jpeg(read_bytes(image_path(root, "train", index))))
+        segments = read_bytes(segments_path(root, "train", index))
+        classes.append(np.asarray(Image.open(io.BytesIO(segments))))
     figures = {
-        "table": draw.table(known, categories, space),
-        "growth": draw.growth(known),
-        "gallery": draw.gallery([point.name for point in known.points], images, classes),
+        "table": draw.table(points, space.categorise(encoded), space),
+        "growth": draw.growth(points),
+        "gallery": draw.gallery([point.name for point in points.points], images, classes),
         "by_condition": draw.by_condition(result, space),
     }
     for done, (name, figure) in enumerate(figures.items(), 1):
         save_png(figure, plots[name])
         job.progress(done, len(figures) + 1, name)
-    write_bytes(
-        job.output("page"), render(draw.page(job.config.study, known, result, figures)).encode()
-    )
+    page = draw.page(job.config.study, points, result, figures)
+    write_bytes(job.output("page"), render(page).encode())
     job.progress(len(figures) + 1, len(figures) + 1, job.output("page").name)

@@ -1,4 +1,4 @@
-"""Step `front_car_snapshots`: renders the training or test snapshots of the detectors, with their segmentation."""
+"""Step `front_car_snapshots`: renders the training or test snapshots, with their segmentation."""
 
 from __future__ import annotations
 
@@ -41,13 +41,11 @@ STEP = Step(
         "segments": f"{folders.root}/snapshots/{{version}}/segments/",
     },
     sections=(
-        *(
-            "front_car.space",
-            "front_car.seed",
-            "front_car.images",
-            "front_car.validation_share",
-            "front_car.test_images",
-        ),
+        "front_car.space",
+        "front_car.seed",
+        "front_car.images",
+        "front_car.validation_share",
+        "front_car.test_images",
         "simulator",
     ),
     wildcards={"version": "existing|covered|test"},
@@ -58,40 +56,33 @@ STEP = Step(
 def run(job: Job) -> None:
     """Write a data set and its segmentations.
 
-    `existing` renders the random points alone, `covered` all points, both with the same number of snapshots; `test` renders every feasible
-    point in other towns, as validation images.
+    `existing` renders the random points alone, `covered` all points, both with the same number of
+    snapshots; `test` renders every feasible point in other towns, as validation images.
     """
-    config, known, version, root = (
-        job.config,
-        read(job.input("points"), Points),
-        job.wildcards["version"],
-        job.scratch,
-    )
+    config, version, root = job.config, job.wildcards["version"], job.scratch
+    settings, points = config.front_car, read(job.input("points"), Points)
     if version == "test":
-        space = config.front_car.space.space()
-        shown = [
-            space.decode(row.astype(float)) for row in config.front_car.space.feasible_points()
-        ]
-        counts, share, stream = [config.front_car.test_images] * len(shown), 1.0, TESTING
+        space = settings.space.space()
+        shown = [space.decode(row.astype(float)) for row in settings.space.feasible_points()]
+        counts, share, stream = [settings.test_images] * len(shown), 1.0, TESTING
     else:
-        chosen = known.points[: known.existing] if version == "existing" else known.points
+        chosen = points.points[: points.existing] if version == "existing" else points.points
         shown = [dict(point.values) for point in chosen]
         counts, share, stream = (
-            config.front_car.images_of(len(shown)),
-            config.front_car.validation_share,
+            settings.images_of(len(shown)),
+            settings.validation_share,
             LEARNING,
         )
         if not all(counts) or not any(round(count * share) for count in counts):
             raise InputError(
-                f"front_car.images: expected an image of each of {len(shown)} points and, at a validation share of {share:g}, a validation "
-                f"image, got {config.front_car.images}"
+                f"front_car.images: expected an image of each of {len(shown)} points and, at a "
+                f"validation share of {share:g}, a validation image, got {settings.images}"
             )
     jobs = _jobs(config, shown, counts, share, stream, root)
     records: list[Record] = []
-    total = sum(counts)
-    for done, rendered in enumerate(in_order(_render, jobs, job.threads), 1):
+    for done, rendered in enumerate(in_order(render_town, jobs, job.threads), 1):
         records += rendered
-        job.progress(len(records), total, f"town {done} of {len(jobs)}")
+        job.progress(len(records), sum(counts), f"town {done} of {len(jobs)}")
     remove_leftovers(root, records)
     write_truth(root, records, category="forward vehicle")
     place_dataset(root, job.output("truth").parent)
@@ -100,7 +91,7 @@ def run(job: Job) -> None:
 def _jobs(
     config: Config, shown: list[Any], counts: list[int], share: float, stream: int, root: Path
 ) -> list[TownJob]:
-    """One job per town; each point's snapshots alternate between the towns of its kind of street."""
+    """A job per town; a point's snapshots alternate between the towns of its kind of street."""
     space, seed = config.front_car.space.space(), config.front_car.seed
     towns: dict[tuple[int, int, int], list[Shot]] = {}
     first = 0
@@ -109,28 +100,23 @@ def _jobs(
         validation = count - round(count * share)
         for n in range(count):
             town = (int(values["lanes"]), int(values["lane_orientation"] == "curvy"), n % TOWNS)
-            towns.setdefault(town, []).append(
-                (values, (seed, stream, code, n), "val" if n >= validation else "train", first + n)
-            )
+            split: Split = "val" if n >= validation else "train"
+            shot = (values, (seed, stream, code, n), split, first + n)
+            towns.setdefault(town, []).append(shot)
         first += count
-    return [
-        (
-            int(np.random.default_rng([seed, stream, *town]).integers(2**31)),
-            shots,
-            config.camera,
-            root,
-        )
-        for town, shots in sorted(towns.items())
-    ]
+    jobs: list[TownJob] = []
+    for town, shots in sorted(towns.items()):
+        town_seed = int(np.random.default_rng([seed, stream, *town]).integers(2**31))
+        jobs.append((town_seed, shots, config.camera, root))
+    return jobs
 
 
-def _render(job: TownJob) -> list[Record]:
-    """Render and write the snapshots of one town."""
+def render_town(job: TownJob) -> list[Record]:
+    """Render and write the snapshots of a town, in a worker process."""
     from pipeline.simulators.mujoco.lens import CameraSettings
-    from pipeline.simulators.mujoco.snapshots import (
-        CLASSES,
-        snapshots,
-    )  # Needs a GL library, unlike the parent process.
+
+    # Needs a GL library, unlike the parent process.
+    from pipeline.simulators.mujoco.snapshots import CLASSES, snapshots
 
     town_seed, shots, camera, root = job
     settings = CameraSettings.model_validate(camera)
@@ -140,16 +126,8 @@ def _render(job: TownJob) -> list[Record]:
         for (_, _, split, index), snapshot in zip(shots, rendered, strict=True):
             write_image(root, split, index, snapshot.image, snapshot.truth)
             write_classes(root, split, index, snapshot.classes)
-            records.append(
-                Record(
-                    split,
-                    index,
-                    settings.width,
-                    settings.height,
-                    snapshot.truth,
-                    snapshot.attributes,
-                )
-            )
+            size = settings.width, settings.height
+            records.append(Record(split, index, *size, snapshot.truth, snapshot.attributes))
     except SimulationError as error:
         raise InputError(
             f"simulator.camera: {error}; take more pixels or a narrower view"

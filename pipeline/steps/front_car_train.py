@@ -1,26 +1,22 @@
-"""Step `front_car_train`: trains a detector of the forward vehicle, from the shipped detector's weights and a set of snapshots."""
+"""Step `front_car_train`: trains a detector of the forward vehicle on a set of snapshots.
+
+Training begins with the shipped detector's weights.
+"""
 
 from __future__ import annotations
 
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
-from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
-from pipeline.contract import Files, Job, Step, Wildcards
-
-
-def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    shipped = folders.config.base.weights
-    return {
-        **folders.dataset(f"snapshots/{wildcards['version']}"),
-        "weights": f"{shipped}/weights.safetensors",
-        "card": f"{shipped}/model.json",
-    }
-
+from pipeline.contract import Job, Step
 
 STEP = Step(
     "Train a detector of the forward vehicle.",
-    reads=_reads,
+    reads=lambda folders, wildcards: {
+        **folders.dataset(f"snapshots/{wildcards['version']}"),
+        "weights": f"{folders.config.base.weights}/weights.safetensors",
+        "card": f"{folders.config.base.weights}/model.json",
+    },
     writes=lambda folders: folders.version("{version}", "detectors"),
     sections=(
         "front_car.iterations",
@@ -45,7 +41,6 @@ def run(job: Job) -> None:
     images, validation = (read_dataset(root, split) for split in ("train", "val"))
     data = {"snapshots": images.digest, "parent": sha256(weights)}
     training = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "seed"})
-    checkpoint = job.scratch / "checkpoint.pt"
     plan = Refinement(
         settings.iterations,
         settings.batch_size,
@@ -53,19 +48,10 @@ def run(job: Job) -> None:
         added_share=0.0,
         seed=(settings.seed,),
     )
-    fitted = retrain(
-        load_weights(weights),
-        ImageSets(images, None, validation),
-        plan,
-        Run(checkpoint, job.threads, job.progress),
-    )
+    sets = ImageSets(images, None, validation)
+    resumable = Run(job.scratch / "checkpoint.pt", job.threads, job.progress)
+    fitted = retrain(load_weights(weights), sets, plan, resumable)
+    training |= {"images": len(images)}
     worlds = read_card(job.input("card")).worlds
-    origin = Origin(
-        job.wildcards["version"],
-        "base",
-        data,
-        training | {"images": len(images)},
-        settings.seed,
-        worlds,
-    )
+    origin = Origin(job.wildcards["version"], "base", data, training, settings.seed, worlds)
     write_version(job.config, fitted, validation, origin, job.output("card"), job.progress)

@@ -1,4 +1,7 @@
-"""Step `measure`: measures each search campaign: failures, F-, F_n- and C_n-measure, coverage (thesis section 4.3)."""
+"""Step `measure`: measures each search campaign (thesis section 4.3).
+
+It counts failures and computes the F-, F_n- and C_n-measures and the coverage.
+"""
 
 from __future__ import annotations
 
@@ -35,9 +38,12 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Measure the campaigns and write measures.json and, for plots, theta.csv; the first strategy of the config is the baseline of C_n.
+    """Measure the campaigns and write measures.json and, for plots, theta.csv.
 
-    Raises InputError for a campaign without its space or its baseline of the same seed.
+    The first strategy of the config is the baseline of C_n.
+
+    Raises:
+        InputError: a campaign has no space, or no baseline of the same seed.
     """
     from pipeline.analysis.measures import (
         audited,
@@ -48,32 +54,32 @@ def run(job: Job) -> None:
     )
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
-    known = read_spaces(job.inputs("spaces"))
-    spaces = {name: space for name, (_, space) in known.items()}
+    described = read_spaces(job.inputs("spaces"))
+    spaces = {name: space for name, (_, space) in described.items()}
     tables, audit = _tables(job.inputs("tests")), _tables(job.inputs("audit"))
     measured = []
     for done, campaign in enumerate(tables, 1):
         measured.append(measure_campaign(campaign, tables, spaces, baseline))
         job.progress(done, len(tables), str(campaign))
     independent = set(filter(job.config.independent, job.config.strategies))
-    audit |= {
-        campaign: table for campaign, table in tables.items() if campaign.strategy in independent
-    }
-    groups = tuple(
+    for campaign, table in tables.items():
+        if campaign.strategy in independent:
+            audit[campaign] = table
+    groups = [
         summarise(group, confidence, baseline, independent) for group in by_strategy(measured)
-    )
+    ]
+    no_braking = [name for name, (info, _) in described.items() if not info.asks_to_brake]
     measures = Measures(
         confidence=confidence,
         baseline=baseline,
         campaigns=tuple(measured),
-        strategies=groups,
+        strategies=tuple(groups),
         audit=audited(audit, confidence),
-        no_braking=tuple(name for name, (info, _) in known.items() if not info.asks_to_brake),
+        no_braking=tuple(no_braking),
     )
     write(job.output("measures"), measures)
-    write_bytes(
-        job.output("theta"), theta_table(measured).to_csv(index=False, lineterminator="\n").encode()
-    )
+    theta = theta_table(measured).to_csv(index=False, lineterminator="\n")
+    write_bytes(job.output("theta"), theta.encode())
 
 
 def _tables(paths: Sequence[Path]) -> dict[CampaignId, pd.DataFrame]:

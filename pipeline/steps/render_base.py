@@ -1,4 +1,7 @@
-"""Step `render_base`: renders the random base training set (thesis section 5.4), in shards that survive a kill."""
+"""Step `render_base`: renders the random base training set (thesis section 5.4).
+
+It renders in shards that survive a kill.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step `render_scenes`: renders random scenes for the arms that learn from new images instead of campaigns."""
+"""Step `render_scenes`: renders random scenes for the arms that learn from new images."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pipeline.config.sections import BaseSet, Rarity
 from pipeline.contract import Job, Step
 
 SPARE = 1.5
-"""Scenes per frame to add: some show a pedestrian too little, and `retraining.empty_share` needs enough without one."""
+"""Scenes per frame to add: some hide the pedestrian, and `retraining.empty_share` needs enough
+scenes without any."""
 FIRST_SEED = 10_000
 """Added to a version's seed, so that new scenes show other towns and people than the base set."""
 SOURCES = rf"{NEW_SCENES}|{BALANCED_SCENES}"
@@ -29,12 +30,15 @@ def run(job: Job) -> None:
     from pipeline.execution.image_sets import Drawing, render_images
 
     config, source, seed = job.config, job.wildcards["source"], int(job.wildcards["seed"])
-    drawing = Drawing(_section(config, source, seed), config.camera, config.unseen)
+    drawing = Drawing(scene_settings(config, source, seed), config.camera, config.unseen)
     render_images(drawing, job.scratch, job.output("truth").parent, job.threads, job.progress)
 
 
-def _section(config: Config, source: str, seed: int) -> BaseSet:
-    """How the scenes are drawn: as those of the base set, or with all people and poses equally frequent."""
+def scene_settings(config: Config, source: str, seed: int) -> BaseSet:
+    """The settings of the base set for new scenes.
+
+    With `balanced_scenes`, all people and poses are equally frequent.
+    """
     count = round(SPARE * config.retraining.added_frames * config.retraining.rounds)
     rare = Rarity(children=1, crouching=1) if source == BALANCED_SCENES else config.base_set.rare
     return config.base_set.model_copy(

@@ -24,10 +24,9 @@ def searched(folders: Folders, version: str) -> dict[str, Files]:
     return {
         "measures": f"{folders.root}/measures.json",
         "regions": [folders.regions(version, scenario) for scenario in folders.config.search],
-        **{
-            name: folders.search(f"{name}.parquet", version=version)
-            for name in ("tests", "frames", "detections")
-        },
+        "tests": folders.search("tests.parquet", version=version),
+        "frames": folders.search("frames.parquet", version=version),
+        "detections": folders.search("detections.parquet", version=version),
         "spaces": folders.spaces(folders.config.search),
     }
 
@@ -39,14 +38,13 @@ def sections(config: Config) -> tuple[str, ...]:
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
+    sources = dict.fromkeys(folders.config.sources.values())
     return {
         **searched(folders, BASE),
         **folders.compared,
         "white_box": f"{folders.root}/white_box.json",
         "later_tests": folders.later_searches,
-        "filters": [
-            folders.filter(strategy) for strategy in dict.fromkeys(folders.config.sources.values())
-        ],
+        "filters": [folders.filter(strategy) for strategy in sources],
         "models": folders.models("model.json"),
         "detectors": folders.models("model.onnx"),
     }
@@ -72,16 +70,14 @@ def run(job: Job) -> None:
     cards = tuple(read_card(path) for path in job.inputs("models"))
     sources = list(dict.fromkeys(config.sources.values()))
     filters = dict(zip(sources, map(read_filter, job.inputs("filters")), strict=True))
+    learnt = [rows[rows["strategy"].isin(sources)], *map(read_tests, job.inputs("later_tests"))]
     data = ReportData(
         version=BASE,
         measures=read(job.input("measures"), Measures),
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
         known=read_spaces(job.inputs("spaces")),
         rows=rows,
-        learnt=pd.concat(
-            [rows[rows["strategy"].isin(sources)], *map(read_tests, job.inputs("later_tests"))],
-            ignore_index=True,
-        ),
+        learnt=pd.concat(learnt, ignore_index=True),
         detectors=dict(zip((card.version for card in cards), job.inputs("detectors"), strict=True)),
         frames=job.inputs("frames"),
         files=job.digests(),

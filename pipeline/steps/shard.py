@@ -1,4 +1,7 @@
-"""Step `shard`: a part of a campaign whose strategy does not learn, so that several machines share the campaign."""
+"""Step `shard`: a part of a campaign, so that several machines share the campaign.
+
+The strategy of such a campaign does not learn.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step `track`: logs a run per campaign and comparison, and registers a version per model, in MLflow."""
+"""Step `track`: logs a run per campaign and comparison, and a version per model, in MLflow."""
 
 from __future__ import annotations
 
@@ -13,40 +13,38 @@ from pipeline.tracking import ARTIFACTS, STORE, UNTRACKED
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    campaigns = [
-        *folders.search("tests.parquet"),
-        *folders.later_searches,
-        *folders.held_out("tests.parquet"),
-    ]
+    model_files: list[str] = []
+    for name in ("weights.safetensors", "model.onnx", "curve.csv"):
+        model_files += folders.models(name)
     return {
         "measures": f"{folders.root}/measures.json",
         "comparison": folders.compared["comparison"],
-        "campaigns": campaigns,
+        "campaigns": [
+            *folders.search("tests.parquet"),
+            *folders.later_searches,
+            *folders.held_out("tests.parquet"),
+        ],
         "plots": folders.plots,
         "models": folders.models("model.json"),
-        "model_files": [
-            path
-            for name in ("weights.safetensors", "model.onnx", "curve.csv")
-            for path in folders.models(name)
-        ],
+        "model_files": model_files,
     }
-
-
-def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    return tuple(name for name in Config.model_fields if name not in UNTRACKED)
 
 
 STEP = Step(
     "Log everything to MLflow and register the model versions.",
     reads=_reads,
     writes=lambda folders: {"tracking": f"{folders.root}/tracking.json"},
-    sections=_sections,
+    sections=tuple(name for name in Config.model_fields if name not in UNTRACKED),
     environment=("MLFLOW_TRACKING_URI",),
 )
 
 
 def run(job: Job) -> None:
-    """Log the study and write tracking.json; logging it again changes nothing. InputError if MLflow fails."""
+    """Log the study and write tracking.json; logging it again changes nothing.
+
+    Raises:
+        InputError: MLflow fails.
+    """
     from pipeline.tracking.client import usable
 
     with usable(STORE):
@@ -55,6 +53,7 @@ def run(job: Job) -> None:
 
 
 def _logged(job: Job) -> TrackedStudy:
+    """Log campaigns, comparison and models, and describe them with the verdict."""
     from pipeline.artefacts.model_card import read_card
     from pipeline.artefacts.tables import campaign_of, read_tests
     from pipeline.core.identity import CampaignId
@@ -70,23 +69,14 @@ def _logged(job: Job) -> TrackedStudy:
     from pipeline.tracking.registry import Registry
     from pipeline.tracking.runs import Tracker
 
-    config, campaigns, models, plots = (
-        job.config,
-        job.inputs("campaigns"),
-        job.inputs("models"),
-        job.inputs("plots"),
-    )
-    model = config.tracking.model_name
-    measured, compared = (
-        read(job.input("measures"), Measures),
-        read(job.input("comparison"), Comparison),
-    )
-    by_campaign = {
-        CampaignId(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns
-    }
-    tracker = Tracker(
-        STORE, ARTIFACTS, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()}
-    )
+    config, plots = job.config, job.inputs("plots")
+    campaigns, models = job.inputs("campaigns"), job.inputs("models")
+    model, experiment = config.tracking.model_name, config.tracking.experiment
+    compared = read(job.input("comparison"), Comparison)
+    measures = {}
+    for row in read(job.input("measures"), Measures).campaigns:
+        measures[CampaignId(row.scenario, row.strategy, row.version, row.seed)] = row
+    tracker = Tracker(STORE, ARTIFACTS, experiment, {"mlflow.source.git.commit": git_commit()})
     registry = Registry(tracker)
     study = study_content(config)
     parent = tracker.log(study)
@@ -95,7 +85,7 @@ def _logged(job: Job) -> TrackedStudy:
     for done, path in enumerate(campaigns, 1):
         tests = read_tests(path)
         campaign = campaign_of(tests, path)
-        contents.append(campaign_content(config.study, tests, by_campaign.get(campaign), path))
+        contents.append(campaign_content(config.study, tests, measures.get(campaign), path))
         runs.setdefault(campaign.version, []).append(tracker.log(contents[-1], parent))
         job.progress(done, steps, contents[-1].name)
     contents.append(comparison_content(config.study, compared, job.input("comparison"), plots))
@@ -112,21 +102,19 @@ def _logged(job: Job) -> TrackedStudy:
         job.progress(done, steps, registration.content.name)
     alias = point_champion(registry, model, compared, numbers, weights)
     job.progress(steps, steps, alias)
-    said = f"{alias[0].upper()}{alias[1:]}.\n\n"
+    sentence = f"{alias[0].upper()}{alias[1:]}.\n\n"
+    table = verdict_table(compared, job.input("comparison").with_name("report.html"))
     for run_id in (parent, compared_run):
-        table = verdict_table(compared, job.input("comparison").with_name("report.html"))
-        tracker.describe(run_id, f"{said}```\n{table}\n```", versions)
-    said = f"Study {config.study}. {said}"
-    registry.describe(model, said + verdict_markdown(compared))
+        tracker.describe(run_id, f"{sentence}```\n{table}\n```", versions)
+    sentence = f"Study {config.study}. {sentence}"
+    registry.describe(model, sentence + verdict_markdown(compared))
     for version, number in numbers.items():
         registry.set_alias(model, f"{config.study}-{version}", number)
-        registry.describe(model, said + verdict_markdown(compared, version), number)
-    tracked = tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents)
-    failures = {result.version: result.failures for result in compared.versions}
+        registry.describe(model, sentence + verdict_markdown(compared, version), number)
     return TrackedStudy(
-        experiment=config.tracking.experiment,
+        experiment=experiment,
         model=model,
-        runs=tracked,
-        failures=failures,
+        runs=tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents),
+        failures={result.version: result.failures for result in compared.versions},
         champion=compared.champion,
     )

@@ -1,4 +1,4 @@
-"""Step `train`: makes the model version `base` (D_o), shipped or trained from scratch (thesis section 5.4)."""
+"""Step `train`: makes the model version `base` (D_o), shipped or trained (thesis section 5.4)."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pipeline.contract import Job, Step, Wildcards
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Training parameters matter only if the base is trained."""
-    own = ("base", "training", "base_set.rare") if config.base.source == "trained" else ("base",)
-    return (*own, "detector", *held_out_worlds(config))
+    trained = ("training", "base_set.rare") if config.base.source == "trained" else ()
+    return ("base", *trained, "detector", *held_out_worlds(config))
 
 
 STEP = Step(
@@ -26,7 +26,8 @@ STEP = Step(
 def run(job: Job) -> None:
     """Write the weights, the ONNX file, the training curve and the card of the base version.
 
-    The validation images of the base set give the metrics. A killed training resumes from its checkpoint.
+    The validation images of the base set give the metrics. A killed training resumes from its
+    checkpoint.
     """
     from pipeline.detectors.yolo.data import usable
     from pipeline.detectors.yolo.recipe import train_from_scratch
@@ -40,26 +41,20 @@ def run(job: Job) -> None:
     config, truth, checkpoint = job.config, job.input("truth"), job.scratch / "checkpoint.pt"
     validation = read_dataset(truth.parent, "val")
     if config.base.source == "shipped":
-        fitted = Fitted(
-            load_weights(job.input("shipped_weights")),
-            tuple(read_curve(job.input("shipped_curve"))),
-        )
+        curve = tuple(read_curve(job.input("shipped_curve")))
+        fitted = Fitted(load_weights(job.input("shipped_weights")), curve)
         card = read_card(job.input("shipped_card"))
         leakage.refuse_worlds(config, [truth], [], job.input("shipped_card"))
         origin = Origin("base", None, card.data, dict(card.training), card.seed, card.worlds)
     else:
-        images, worlds = (
-            read_dataset(truth.parent, "train"),
-            leakage.refuse_worlds(config, [truth], []),
-        )
+        images = read_dataset(truth.parent, "train")
+        worlds = leakage.refuse_worlds(config, [truth], [])
         settings = config.training.model_dump()
-        fitted = train_from_scratch(
-            images, usable(images), validation, settings, Run(checkpoint, job.threads, job.progress)
-        )
+        resumable = Run(checkpoint, job.threads, job.progress)
+        fitted = train_from_scratch(images, usable(images), validation, settings, resumable)
         rare = Frequencies(**config.base_set.rare.model_dump())
         taken = {"images": len(images), **rare.figures(), **settings}
-        origin = Origin(
-            "base", None, {"base_set": images.digest}, taken, config.training.seed, worlds
-        )
+        data = {"base_set": images.digest}
+        origin = Origin("base", None, data, taken, config.training.seed, worlds)
     write_version(config, fitted, validation, origin, job.output("card"), job.progress)
     job.progress(1, 1, "evaluated")

@@ -1,4 +1,7 @@
-"""Step `white_box`: measures which of the base detector's neurons each strategy's frames reach (thesis section 3.4.2)."""
+"""Step `white_box`: measures which neurons of the base detector each strategy's frames reach.
+
+Section 3.4.2 of the thesis defines the measures.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +18,14 @@ from pipeline.errors import InputError
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    frames = {
-        f"frames_{strategy}": folders.search("frames.parquet", strategy=strategy)
-        for strategy in folders.config.strategies
-    }
-    version = {
+    files: dict[str, Files] = {
         "weights": folders.model("base", "weights.safetensors"),
         "card": folders.model("base", "model.json"),
+        **folders.dataset("base_set"),
     }
-    return {**version, **folders.dataset("base_set"), **frames}
+    for strategy in folders.config.strategies:
+        files[f"frames_{strategy}"] = folders.search("frames.parquet", strategy=strategy)
+    return files
 
 
 STEP = Step(
@@ -51,7 +53,8 @@ def run(job: Job) -> None:
     }
     if without := [strategy for strategy, frames in kept.items() if not frames]:
         raise InputError(
-            f"frames.parquet of {', '.join(without)}: expected kept frames, got none; set campaign.keep_every to 1 or more"
+            f"frames.parquet of {', '.join(without)}: expected kept frames, got none; "
+            "set campaign.keep_every to 1 or more"
         )
     training, validation = (
         read_dataset(job.input("truth").parent, split).images for split in ("train", "val")
@@ -62,10 +65,8 @@ def run(job: Job) -> None:
     profile = profile_of(network, training)
     job.progress(1, total, "profile of the training images")
     images = {"validation images": validation[drawn(len(validation), count)]}
-    images |= {
-        strategy: np.stack([decode_jpeg(every[i]) for i in drawn(len(every), count)])
-        for strategy, every in kept.items()
-    }
+    for strategy, frames in kept.items():
+        images[strategy] = np.stack([decode_jpeg(frames[i]) for i in drawn(len(frames), count)])
     sets = []
     for name, batch in images.items():
         measured = WhiteBox(profile)

@@ -1,4 +1,7 @@
-"""What a run of Snakemake checks before it begins: the config, its source, and that no other run is at work; and its exit code."""
+"""What a run of Snakemake checks before it begins, and its exit code.
+
+It checks the config and its source, and that no other run is at work in the folder.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.run_lock import hold
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.schema import Config
-from pipeline.contract import REFUSED
+from pipeline.contract import REJECTED
 from pipeline.errors import InputError, one_line
 
 if TYPE_CHECKING:
@@ -30,46 +33,58 @@ def checked(params: str) -> str:
 
 
 def params_of(workflow: Workflow) -> Path:
-    """The file of Snakemake's config. One that `--configfile` names is read here too: Snakemake takes a key that stands twice."""
-    given = workflow.config_settings.configfiles
-    path = Path(given[-1]) if given else PARAMS
-    if given and workflow.is_main_process:
+    """The file of Snakemake's config.
+
+    A file that `--configfile` names is read here too, because Snakemake accepts duplicate keys.
+    """
+    configfiles = workflow.config_settings.configfiles
+    if not configfiles:
+        return PARAMS
+    path = Path(configfiles[-1])
+    if workflow.is_main_process:
         load(path)
     return path
 
 
 def check_source(config: Config, workflow: Workflow) -> None:
-    """InputError if the command line changes the study: the verdict, DVC and all commands read params.yaml. A study that has one in its own
-    folder, as those of test-detector, may be named by it."""
+    """InputError if the command line changes the study: the verdict, DVC and all commands read
+    params.yaml.
+
+    It may name the params.yaml in the study's folder, as `test-detector` writes it.
+    """
     if not workflow.is_main_process:
         return
-    given = workflow.config_settings
-    own = Path(Folders(config).root, "params.yaml").absolute()
-    named = (
-        "--config"
-        if given.config
-        else next(
-            ("--configfile" for path in given.configfiles if Path(path).absolute() != own), ""
-        )
-    )
-    if named:
+    settings = workflow.config_settings
+    params = Path(Folders(config).root, "params.yaml").absolute()
+    option = ""
+    if settings.config:
+        option = "--config"
+    elif any(Path(path).absolute() != params for path in settings.configfiles):
+        option = "--configfile"
+    if option:
         instead = "type: python -m pipeline compose study=NAME key=value, then ./run"
-        raise InputError(f"{named} would change only a part of the study; {instead}")
+        raise InputError(f"{option} would change only a part of the study; {instead}")
 
 
 def alone(workflow: Workflow) -> None:
-    """Wait for another run in this folder, if this one executes jobs; a lock that is left then is a killed run's."""
+    """Wait for another run in this folder, if this one executes jobs.
+
+    Locks of Snakemake that are left then are those of killed runs, and are removed.
+    """
     if not workflow.is_main_process or workflow.executor_plugin is None or workflow.dryrun:
         return
     hold("snakemake")
-    REFUSED.unlink(missing_ok=True)
-    for left in LOCKS.glob("*.lock"):
-        left.unlink()
+    REJECTED.unlink(missing_ok=True)
+    for lock in LOCKS.glob("*.lock"):
+        lock.unlink()
 
 
 def fail() -> None:
-    """Exit with 2 after a run in which a job refused its input; other failures leave Snakemake's exit code, 1."""
-    if REFUSED.exists():
+    """Exit with 2 after a run in which a job rejected its input.
+
+    After other failures, Snakemake exits with 1.
+    """
+    if REJECTED.exists():
         sys.exit(2)
 
 

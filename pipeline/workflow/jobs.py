@@ -28,9 +28,10 @@ STAGES = {
     "pages": ("report.html", "plots", "evidence"),
     "track": ("tracking.json",),
 }
-"""Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC.
+"""Parts of a study: the files and folders of each, relative to the study's folder.
 
-A part that is named after a step holds the files of that step's only job: as a target, its name is Snakemake's rule."""
+They are targets of Snakemake and stages of DVC. A part that is named after a step holds the files
+of that step's only job: as a target, its name is Snakemake's rule."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,12 @@ class Target:
 
 @dataclass(frozen=True)
 class Jobs:
-    """The jobs of a study of a config. steps: the names of all steps, in the order of the data flow."""
+    """The jobs of a study.
+
+    Attributes:
+        config: the config of the study.
+        steps: the names of all steps, in the order of the data flow.
+    """
 
     config: Config
     steps: tuple[str, ...]
@@ -69,23 +75,29 @@ class Jobs:
     @property
     def constraints(self) -> dict[str, str]:
         """The possible values of wildcards in every rule."""
-        return {name: "|".join(known) for name, known in self.config.wildcards.items()} | PATTERNS
+        choices = self.config.wildcards.items()
+        return {name: "|".join(values) for name, values in choices} | PATTERNS
 
     def maker(self, path: str) -> Target | None:
         """The job that makes a file; None if no step does."""
         for name, pattern in self._patterns:
-            if found := pattern.fullmatch(path):
-                return Target.of(name, found.groupdict())
+            if match := pattern.fullmatch(path):
+                return Target.of(name, match.groupdict())
         return None
 
     @cached_property
     def _patterns(self) -> list[tuple[str, re.Pattern[str]]]:
-        found = []
+        """The step and the regular expression of every declared output."""
+        patterns = []
         for name, step in self.contracts.items():
             limits = {**self.constraints, **step.wildcards}
+            limited = {}
+            for wildcard in step.names(self.folders):
+                limited[wildcard] = f"{{{wildcard},{limits.get(wildcard, '[^/]+')}}}"
             for path in flat(step.outputs(self.folders)):
-                found.append((name, re.compile(_expression(path, limits))))
-        return found
+                expression = regex_from_filepattern(path.format(**limited))
+                patterns.append((name, re.compile(expression)))
+        return patterns
 
     def inputs(self, target: Target) -> list[str]:
         """The paths that a job reads."""
@@ -117,22 +129,22 @@ class Jobs:
     @cached_property
     def parts(self) -> dict[str, list[tuple[Target, list[str]]]]:
         """The jobs of each of `STAGES`, each with its outputs."""
-        where = {root: stage for stage, roots in STAGES.items() for root in roots}
-        found: dict[str, list[tuple[Target, list[str]]]] = {stage: [] for stage in STAGES}
+        stage_of = {root: stage for stage, roots in STAGES.items() for root in roots}
+        parts: dict[str, list[tuple[Target, list[str]]]] = {stage: [] for stage in STAGES}
         for job, outputs in self.in_order():
             root = outputs[0].removeprefix(f"{self.folders.root}/").split("/")[0]
-            if root in where:
-                found[where[root]].append((job, outputs))
-        return found
+            if root in stage_of:
+                parts[stage_of[root]].append((job, outputs))
+        return parts
 
     @property
     def targets(self) -> dict[str, list[str]]:
         """The files of the parts that are not named after a step."""
-        return {
-            name: [path for _, outputs in jobs for path in outputs]
-            for name, jobs in self.parts.items()
-            if name not in self.steps
-        }
+        targets: dict[str, list[str]] = {}
+        for name, jobs in self.parts.items():
+            if name not in self.steps:
+                targets[name] = [path for _, outputs in jobs for path in outputs]
+        return targets
 
 
 def step_names() -> tuple[str, ...]:
@@ -142,14 +154,7 @@ def step_names() -> tuple[str, ...]:
 
 def flat(files: Mapping[str, Files]) -> list[str]:
     """All paths of named files."""
-    return [
-        path for paths in files.values() for path in ([paths] if isinstance(paths, str) else paths)
-    ]
-
-
-def _expression(pattern: str, limits: Mapping[str, str]) -> str:
-    """The regular expression of a path with wildcards in braces."""
-    limited = re.sub(
-        r"\{(\w+)\}", lambda found: f"{{{found[1]},{limits.get(found[1], '[^/]+')}}}", pattern
-    )
-    return str(regex_from_filepattern(limited))
+    every: list[str] = []
+    for paths in files.values():
+        every += [paths] if isinstance(paths, str) else paths
+    return every

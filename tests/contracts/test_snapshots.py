@@ -14,7 +14,7 @@ from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.simulators.mujoco.snapshots import CLASSES, Snapshot, snapshots
 from pipeline.simulators.mujoco.stage import Stage
 from pipeline.simulators.mujoco.weather import Weather
-from pipeline.steps.front_car_snapshots import _render
+from pipeline.steps.front_car_snapshots import render_town
 
 SPACE = compose("front_car", []).front_car.space
 POINTS = [
@@ -54,7 +54,7 @@ def test_a_camera_that_cannot_show_the_vehicles_is_named(tmp_path: Path) -> None
         InputError,
         match="^simulator.camera: no arrangement of .*; take more pixels or a narrower view$",
     ):
-        _render((5, shots, camera, tmp_path))  # type: ignore[arg-type]
+        render_town((5, shots, camera, tmp_path))  # type: ignore[arg-type]
 
 
 def test_the_box_is_that_of_the_segmentation(shown: list[Snapshot]) -> None:

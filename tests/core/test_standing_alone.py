@@ -126,12 +126,12 @@ def test_a_forgotten_environment_is_named(tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize(
     ("command", "module", "extra"),
-    [("simulate", "cv2", "simulation"), ("stages", "grimp", "workflow")],
+    [("simulate", "cv2", "simulation"), ("compose", "hydra", "simulation")],
 )
 def test_a_command_without_its_extra_ends_with_one_line(
     command: str, module: str, extra: str, tmp_path: Path
 ) -> None:
-    words = [command, *(["F1"] if command == "simulate" else [])]
+    words = [command, "F1" if command == "simulate" else "study=smoke"]
     done = python(f"from pipeline.__main__ import main; sys.exit(main({words}))", tmp_path)
     assert done.returncode == 2
     assert (

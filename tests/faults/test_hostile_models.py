@@ -95,7 +95,7 @@ def test_a_campaign_of_errors_alone_has_no_result(
     )
     assert study.run("campaign", **key("random")) == 1
     said = "F1, random, base, seed 3: all 3 tests ended in an error, so there is no result; 3 times: Fails.detect failed: RuntimeError: no"
-    assert f"blindspot campaign: {said}" in capsys.readouterr().err
+    assert f"blindspot step campaign: {said}" in capsys.readouterr().err
     assert not (folder(study, "random") / "tests.parquet").exists() and not journal(study).exists()
 
 

@@ -12,7 +12,7 @@ from pipeline.config.composing import compose
 from pipeline.config.sections import Rarity
 from pipeline.scenarios.people import FIRST_RANDOM, fingerprint, person
 from pipeline.simulators.mujoco import random_scenes
-from pipeline.steps.render_scenes import _section
+from pipeline.steps.render_scenes import scene_settings
 
 
 def conditions(rare: Rarity, count: int) -> list[dict[str, Any]]:
@@ -61,10 +61,10 @@ def test_new_scenes_show_other_worlds_than_the_base_set_and_balanced_ones_all_pe
     config = compose("default", ["retraining.added_frames=10", "retraining.rounds=2"])
     base, new, other = (
         config.base_set,
-        _section(config, "new_scenes", 0),
-        _section(config, "new_scenes", 1),
+        scene_settings(config, "new_scenes", 0),
+        scene_settings(config, "new_scenes", 1),
     )
-    balanced = _section(config, "balanced_scenes", 0)
+    balanced = scene_settings(config, "balanced_scenes", 0)
     assert (
         len({base.seed, new.seed, other.seed}) == 3 and new.seed == balanced.seed > base.seed + 1000
     )

@@ -1,4 +1,7 @@
-"""The audit: random tests beside searches, for failure rates without bias. No search sees them, and no adaptive test is one of them."""
+"""The audit: random tests beside searches, for failure rates without bias.
+
+No search sees them, and no adaptive test is one of them.
+"""
 
 from __future__ import annotations
 
@@ -124,6 +127,7 @@ def test_an_audit_that_is_not_random_is_refused() -> None:
     words = [*ADAPTIVE, "samplers.random._target_=pipeline.core.samplers.pairwise.PairwiseSampler"]
     with pytest.raises(
         InputError,
-        match=r"samplers\.random: the audit needs a class whose tests are independent; or set campaign\.audit=0",
+        match=r"samplers\.random: the audit needs a class whose tests are independent; or set "
+        r"campaign\.audit=0",
     ):
         compose("smoke", words)

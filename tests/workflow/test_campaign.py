@@ -50,7 +50,8 @@ MODEL = "models/base/model.onnx"
 
 
 def analytic_study(root: Path, *overrides: str) -> StudyFolder:
-    """A study on the analytic simulator, with the spaces of its scenarios and a stand-in for a model file."""
+    """A study on the analytic simulator, with the spaces of its scenarios and a stand-in for a
+    model file."""
     study = StudyFolder.composed(root, "smoke", [*OVERRIDES, *overrides])
     for scenario in ("F1", "F2", "F1star"):
         assert study.run("define-space", scenario=scenario) == 0
@@ -80,8 +81,8 @@ def one_worker(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
     return study
 
 
-def same(one: Path, other: Path) -> bool:
-    return all((one / name).read_bytes() == (other / name).read_bytes() for name in FILES)
+def same(first: Path, other: Path) -> bool:
+    return all((first / name).read_bytes() == (other / name).read_bytes() for name in FILES)
 
 
 def test_two_workers_give_the_same_bytes_as_one(one_worker: StudyFolder, tmp_path: Path) -> None:
@@ -93,8 +94,8 @@ def test_two_workers_give_the_same_bytes_as_one(one_worker: StudyFolder, tmp_pat
 
 def test_a_campaign_with_earlier_tests_chooses_other_tests(tmp_path: Path) -> None:
     taught, again, alone = (
-        analytic_study(tmp_path / name, f"campaign.transfer={known}")
-        for name, known in TAUGHT.items()
+        analytic_study(tmp_path / name, f"campaign.transfer={knowledge}")
+        for name, knowledge in TAUGHT.items()
     )
     for study, threads in ((taught, 2), (again, 1), (alone, 1)):
         for scenario in ("F1", "F2"):
@@ -124,7 +125,7 @@ def first_batch(campaign: CampaignId, frozen: bool = False) -> set[bytes]:
 
 
 def test_campaigns_that_differ_in_any_name_share_no_test_of_the_first_batch() -> None:
-    one = CampaignId("F1", "random", "base", 3)
+    first = CampaignId("F1", "random", "base", 3)
     changed: list[dict[str, Any]] = [
         {},
         {"scenario": "F2"},
@@ -132,7 +133,7 @@ def test_campaigns_that_differ_in_any_name_share_no_test_of_the_first_batch() ->
         {"version": "adaptive"},
         {"seed": 4},
     ]
-    batches = [first_batch(replace(one, **names)) for names in changed]
+    batches = [first_batch(replace(first, **names)) for names in changed]
     assert len(set.union(*batches)) == sum(map(len, batches)) == 40
 
 
@@ -198,8 +199,8 @@ def test_rows_follow_from_the_signals(one_worker: StudyFolder) -> None:
     )
     assert len(tests) == 24
     for row in tests.itertuples():
-        own = signals[signals["test_id"] == row.test_id]
-        again = kpi.evaluate({name: own[name].to_numpy() for name in own.columns}, 0.1)
+        steps = signals[signals["test_id"] == row.test_id]
+        again = kpi.evaluate({name: steps[name].to_numpy() for name in steps.columns}, 0.1)
         assert (again.adj_ttc_s, again.failure, again.failure_mode) == (
             row.adj_ttc_s,
             row.failure,
@@ -335,7 +336,7 @@ def test_bad_files_end_with_exit_code_2(
     else:
         (study / file).write_bytes(content)
     assert study.run("campaign", **key()) == 2
-    assert f"blindspot campaign: data/smoke/{file}: {message}" in capsys.readouterr().err
+    assert f"blindspot step campaign: data/smoke/{file}: {message}" in capsys.readouterr().err
 
 
 def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -365,7 +366,8 @@ class Slow(AnalyticSimulator):
 
 
 class Fragile(AnalyticSimulator):
-    """A simulator with errors on some scenarios that kills its process on one, for tests of the executor."""
+    """A simulator with errors on some scenarios that kills its process on one, for tests of the
+    executor."""
 
     def execute(
         self,

@@ -1,4 +1,4 @@
-"""`campaign` as a person types it: live, stopped by Ctrl-C, resumed, and clear about wrong words."""
+"""`campaign` as a person types it: live, stopped by Ctrl-C, resumed, clear about wrong words."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def test_a_stopped_campaign_resumes_and_ends_like_an_uninterrupted_one(
         assert run.poll() is None
         time.sleep(0.002)
     os.killpg(run.pid, signal.SIGINT)  # As a terminal does, to the workers, too.
-    told = run.communicate(timeout=30)[0]
+    message = run.communicate(timeout=30)[0]
     assert run.returncode == STOPPED and not (cut / "tests.parquet").exists()
-    assert f"finished tests are in {cut}/journal, and the same command resumes" in told
+    assert f"finished tests are in {cut}/journal, and the same command resumes" in message
     for folder in (cut, whole):
         assert campaign(folder) == 0 and not (folder / "journal").exists()
-        said = capsys.readouterr()
-        assert re.search(r"60/60 100% .* failures \(\d+%\), \d+ kinds", said.err)
-        assert re.search(r"^\d+ of 60 tests fail\n\d+ kinds .*causes: ", said.out)
+        printed = capsys.readouterr()
+        assert re.search(r"60/60 100% .* failures \(\d+%\), \d+ kinds", printed.err)
+        assert re.search(r"^\d+ of 60 tests fail\n\d+ kinds .*causes: ", printed.out)
     pd.testing.assert_frame_equal(
         pd.read_parquet(cut / "tests.parquet"), pd.read_parquet(whole / "tests.parquet")
     )
@@ -52,13 +52,13 @@ def test_a_finished_search_is_neither_executed_again_nor_overwritten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert campaign(tmp_path) == 0
-    made = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
+    times = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
     capsys.readouterr()
     assert campaign(tmp_path) == 0
     assert "has this search already" in capsys.readouterr().out
     assert main(["campaign", *WORDS[:2], "budget=40", *WORDS[3:], f"out={tmp_path}"]) == 2
     assert "holds another search, or one by other code" in capsys.readouterr().err
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")} == made
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")} == times
     for name in ("tests.parquet", "timings.parquet"):
         (tmp_path / name).unlink()
         assert campaign(tmp_path) == 0 and (tmp_path / name).exists()
@@ -145,14 +145,14 @@ def test_a_second_process_waits_and_finds_the_search_done(tmp_path: Path) -> Non
 
 def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> None:
     words = ["scenario=F1", "strategy=network", f"out={tmp_path}", "model=models/uniform"]
-    own = ["scenarios.F1.ego.speed_kmh=20", "samplers.network.batch_size=7"]
-    plain, changed = (planned(asked([*words, *overrides])) for overrides in ((), own))
+    overridden = ["scenarios.F1.ego.speed_kmh=20", "samplers.network.batch_size=7"]
+    plain, changed = (planned(asked([*words, *overrides])) for overrides in ((), overridden))
     assert plain.setup.scenario.ego.speed_kmh == 32 and changed.setup.scenario.ego.speed_kmh == 20
     assert changed.strategy["batch_size"] == 7 and plain.space == changed.space
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["budget=none"], "budget: expected a whole number from 1 to 10000000, got 'none'"),
         (["seed=-1"], "seed: expected a whole number from 0 to 2147483647, got '-1'"),
@@ -170,17 +170,17 @@ def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> 
         (["camera=big"], "camera"),
         (
             ["campaign.tests=9"],
-            "campaign.tests: the tests of this command do not depend on it; of a study's settings, it uses scenarios.F1",
+            "campaign.tests: has no effect here; this command only uses scenarios.F1",
         ),
         (
             ["samplers.network.batch_size=9"],
-            "samplers.network.batch_size: the tests of this command do not depend on it",
+            "samplers.network.batch_size: has no effect here",
         ),
-        (["search=[F2]"], "search: the tests of this command do not depend on it"),
+        (["search=[F2]"], "search: has no effect here"),
     ],
 )
 def test_wrong_words_are_told_before_any_work(
-    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["campaign", *words]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err

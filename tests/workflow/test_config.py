@@ -51,7 +51,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("=640", "expected key=value, got '=640'"),
         (
             "search=[F5",
-            "search: expected a value that Hydra reads, got '[F5'; is a bracket or a quotation mark missing?",
+            "search: expected a value that Hydra reads, got '[F5'; is a bracket or a quotation "
+            "mark missing?",
         ),
         ("+search=[", "+search: expected a value that Hydra reads, got '['"),
         ("search=F5", "search: expected a list in square brackets, got 'F5'"),
@@ -62,7 +63,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("strategies=[random,forst]", "strategies: there is no 'forst'; did you mean 'forest'?"),
         (
             "arms.adaptive=pairwise",
-            "arms.adaptive: 'pairwise' is not in strategies, so it supplies no frames; add it to strategies, set arms",
+            "arms.adaptive: 'pairwise' is not in strategies, so it supplies no frames; add it to "
+            "strategies, set arms",
         ),
         (
             "strategies=[mixed]",
@@ -76,21 +78,25 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("+arms.base=random", "arms: 'base' is the version before retraining; choose another name"),
         (
             "+arms.new-one=random",
-            "arms.new-one: expected letters, digits and _, at most 60, for use in paths, got 'new-one'",
+            "arms.new-one: expected letters, digits and _, at most 60, for use in paths, got "
+            "'new-one'",
         ),
         (
             "retraining={searches:own,seeds:[1]}",
-            "retraining.seeds must be [0], the seeds of the search, because retraining.searches is 'own', got [1]",
+            "retraining.seeds must be [0], the seeds of the search, because retraining.searches "
+            "is 'own', got [1]",
         ),
         ("search=[F1,F22]", "search: there is no conf/scenario/F22.yaml; did you mean 'F2'?"),
         ("held_out=[F1]", "held_out must not be searched, but both lists have F1"),
         (
             "scenarios.F1star.town=${scenarios.F1.town}",
-            "held_out: F1star has the town of F1 (style and seed), which is searched, so training would use it",
+            "held_out: F1star has the town of F1 (style and seed), which is searched, so training "
+            "would use it",
         ),
         (
             "scenarios.F1star.people=1",
-            "held_out: F1star has the people of F1 (people: 1), which is searched, so training would use them",
+            "held_out: F1star has the people of F1 (people: 1), which is searched, so training "
+            "would use them",
         ),
         (
             "scenarios.F1.people=0",
@@ -98,7 +104,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ),
         (
             "+scenarios.F1.space.blueprint={kind:categorical,values:['W 01']}",
-            "conf/scenario/F1.yaml: scenarios.F1.space: 'blueprint' comes from `people`, the number of a population",
+            "conf/scenario/F1.yaml: scenarios.F1.space: 'blueprint' comes from `people`, the "
+            "number of a population",
         ),
         ("base_set.rare.children=0", "base_set.rare.children: expected more than 0, got 0"),
         ("base_set.rare.crouching=1.5", "base_set.rare.crouching: expected at most 1, got 1.5"),
@@ -120,7 +127,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ),
         (
             "+detector.model=my.onnx",
-            "detector.model is set by the study; leave it out: `python -m pipeline test-detector FILE` tests",
+            "detector.model is set by the study; leave it out: `python -m pipeline test-detector "
+            "FILE` tests",
         ),
         (
             "scenarios.F1.space.fog.low=200",
@@ -128,7 +136,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ),
         (
             "+scenarios.F1.constraints=[['animation != crouchin']]",
-            "conf/scenario/F1.yaml: scenarios.F1: constraint 'animation != crouchin': category must be one of walking, texting, crouching, "
+            "conf/scenario/F1.yaml: scenarios.F1: constraint 'animation != crouchin': category "
+            "must be one of walking, texting, crouching, "
             "limping, drunk, stumble; got 'crouchin'; did you mean 'crouching'?",
         ),
         (
@@ -137,19 +146,23 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ),
         (
             "+scenarios.F1.constraints=[['rain = 0'],['rain = 10','fog = 0'],['fog != 0']]",
-            "conf/scenario/F1.yaml: scenarios.F1: constraints: these contradict each other, so no point is left: "
+            "conf/scenario/F1.yaml: scenarios.F1: constraints: these contradict each other, so no "
+            "point is left: "
             "[rain = 0]; [rain = 10, fog = 0]; [fog != 0]",
         ),
         (
             "+scenarios.F1.constraints=['if fog > 50 then animation = crouchin']",
-            "constraint 'if fog > 50 then animation = crouchin', character 30: category must be one of walking, texting, crouching,",
+            "constraint 'if fog > 50 then animation = crouchin', character 30: category must be "
+            "one of walking, texting, crouching,",
         ),
         (
             "+scenarios.F1.space.wind={kind: continuous, low: 0, high: 20, step: 5, unit: m/s}",
-            "scenarios.F1.space.wind: pipeline.simulators.mujoco.simulator.MujocoSimulator does not use this variable",
+            "scenarios.F1.space.wind: pipeline.simulators.mujoco.simulator.MujocoSimulator does "
+            "not use this variable",
         ),
         (
-            "+scenarios.F1.constraints=[['rain = 50'],['fog = 50'],['sun_azimuth = 30'],['sun_altitude = 30'],['pedestrian_shift = 0'],"
+            "+scenarios.F1.constraints=[['rain = 50'],['fog = 50'],['sun_azimuth = "
+            "30'],['sun_altitude = 30'],['pedestrian_shift = 0'],"
             "['pedestrian_speed = 1'],['blueprint = W 01']]",
             "scenarios.F1.constraints: they exclude almost the whole space: none of",
         ),
@@ -171,7 +184,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ),
         (
             "scenarios.F1.actors.bus.y_m=-9",
-            "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) after 0 s",
+            "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) "
+            "after 0 s",
         ),
         (
             "scenarios.F1.actors.bus.x_m=-40",
@@ -238,7 +252,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ),
         (
             "campaign.transfer=[random]",
-            "campaign.transfer: 'random' (pipeline.core.samplers.random.RandomSampler) takes no tests of other",
+            "campaign.transfer: 'random' (pipeline.core.samplers.random.RandomSampler) takes no "
+            "tests of other",
         ),
         ("campaign.transfer=[pairwise]", "campaign.transfer: there is no 'pairwise'"),
         (
@@ -258,7 +273,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("filter.overrules=/etc/passwd", "filter.overrules: expected a path inside the project"),
         (
             "+tested.mine='a{1}.onnx'",
-            "tested.mine: expected a path without braces, which Snakemake takes for wildcards, got 'a{1}.onnx'",
+            "tested.mine: expected a path without braces, which Snakemake takes for wildcards, "
+            "got 'a{1}.onnx'",
         ),
         (
             "~detector.threshold",
@@ -276,7 +292,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("simulator.camera.rate_hz=0", "simulator.camera.rate_hz: expected at least 2, got 0"),
         (
             "simulator.camera.rate_hz=45",
-            "simulator.camera.rate_hz: expected a whole number of 5 ms steps between two images, as at 40 or 50 Hz, got 45",
+            "simulator.camera.rate_hz: expected a whole number of 5 ms steps between two images, "
+            "as at 40 or 50 Hz, got 45",
         ),
         (
             "+simulator.camera.widht=64",
@@ -326,7 +343,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "scenarios.F1star.label: F2 has the label 'F2', too; choose another",
         ),
         (
-            "+exposure.variables.rian={kind: normal, mean: 0, deviation: 1, source: a public statistic}",
+            "+exposure.variables.rian={kind: normal, mean: 0, deviation: 1, source: a public "
+            "statistic}",
             "exposure for F1: ",
         ),
         (
@@ -353,7 +371,8 @@ def test_a_missing_file_is_named_before_any_work(
     }.items():
         with pytest.raises(
             InputError,
-            match=rf"^base\.weights: expected the folder of a detector, found no file mine/{missing}$",
+            match=r"^base\.weights: expected the folder of a detector, found no file "
+            rf"mine/{missing}$",
         ):
             compose(study, ["base.weights=mine", *overrides])
         (tmp_path / "mine" / missing).write_text("content")
@@ -407,8 +426,8 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(
 ) -> None:
     assert main(["compose", "study=defualt", "--out", str(tmp_path / "nodir/x.yaml")]) == 2
     assert (
-        f"nodir/x.yaml: expected a file to write to, got one in {tmp_path / 'nodir'}, which is not a folder"
-        in capsys.readouterr().err
+        f"nodir/x.yaml: expected a file to write to, got one in {tmp_path / 'nodir'}, which is "
+        "not a folder" in capsys.readouterr().err
     )
 
 
@@ -482,8 +501,8 @@ def test_a_study_that_cannot_be_composed_is_named(
 
 def test_a_scenario_of_one_variable_is_refused() -> None:
     plain = functional_scenario("F1").model_dump()
-    one = {**plain, "people": None, "space": {"fog": plain["space"]["fog"]}}
+    changed = {**plain, "people": None, "space": {"fog": plain["space"]["fog"]}}
     with pytest.raises(
         ValidationError, match="space: expected at least two variables, `people` included, got 1"
     ):
-        FunctionalScenario.model_validate(one)
+        FunctionalScenario.model_validate(changed)

@@ -52,7 +52,7 @@ class BreaksInDenseFog(AnalyticSimulator):
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> FailureRegions:
+def base_regions(tmp_path_factory: pytest.TempPathFactory) -> FailureRegions:
     breaking = f"simulator._target_={BreaksInDenseFog.__module__}.{BreaksInDenseFog.__qualname__}"
     overrides = [
         "seeds=[0]",
@@ -85,9 +85,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> FailureRegions:
     return result
 
 
-def test_every_rule_has_its_fresh_tests_and_errors_apart(found: FailureRegions) -> None:
-    assert found.regions
-    for region in found.regions:
+def test_every_rule_has_its_fresh_tests_and_errors_apart(base_regions: FailureRegions) -> None:
+    assert base_regions.regions
+    for region in base_regions.regions:
         confirmation = region.confirmation
         assert confirmation is not None
         for fresh in (confirmation.inside, confirmation.outside):
@@ -101,7 +101,7 @@ def test_every_rule_has_its_fresh_tests_and_errors_apart(found: FailureRegions) 
                 )
     (fog,) = [
         region
-        for region in found.regions
+        for region in base_regions.regions
         if "fog >= " in region.rule and "sun_altitude <= " in region.rule
     ]
     assert (
@@ -111,7 +111,9 @@ def test_every_rule_has_its_fresh_tests_and_errors_apart(found: FailureRegions) 
     )
 
 
-def confirm(condition: Condition, found: FailureRegions, folder: Path) -> tuple[FailureRegion, ...]:
+def confirm(
+    condition: Condition, base_regions: FailureRegions, folder: Path
+) -> tuple[FailureRegion, ...]:
     config = compose("smoke", ["simulator=analytic", "detector=oracle"])
     setup = Setup(
         config.simulator, config.scenarios["F1"], config.detector, folder, config.car, config.limits
@@ -124,16 +126,16 @@ def confirm(condition: Condition, found: FailureRegions, folder: Path) -> tuple[
         0.95,
     )
     return fresh.confirm(
-        [Found(found.regions[0], Group("mixed", np.zeros(0, bool), Rule((condition,))))]
+        [Found(base_regions.regions[0], Group("mixed", np.zeros(0, bool), Rule((condition,))))]
     )
 
 
 def test_a_rule_that_hardly_any_point_meets_is_not_confirmed(
-    found: FailureRegions, tmp_path: Path
+    base_regions: FailureRegions, tmp_path: Path
 ) -> None:
     (region,) = confirm(
         Condition(functional_scenario("F1").logical_space().names.index("fog"), 99.99999, 100),
-        found,
+        base_regions,
         tmp_path,
     )
     assert region.status == "not confirmed"
@@ -144,37 +146,40 @@ def test_a_rule_that_hardly_any_point_meets_is_not_confirmed(
 
 
 def test_an_error_other_than_a_narrow_rule_is_not_hidden(
-    found: FailureRegions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    base_regions: FailureRegions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:
         raise ValueError("operands could not be broadcast together")
 
     monkeypatch.setattr(confirming, "draw_inside", refuse)
     with pytest.raises(ValueError, match="broadcast"):
-        confirm(Condition(0, 0, 100), found, tmp_path)
+        confirm(Condition(0, 0, 100), base_regions, tmp_path)
 
 
 @pytest.mark.parametrize(("confidence", "status"), [(0.95, "not confirmed"), (0.7, "confirmed")])
 def test_a_rule_is_confirmed_at_the_confidence_of_the_study(confidence: float, status: str) -> None:
-    """Failures in 3 of 4 tests inside and 1 of 4 outside have a chance of 17 / 70 = 0.24 by Fisher's test."""
+    """Failures in 3 of 4 tests inside and 1 of 4 outside have a chance of 17 / 70 = 0.24 by
+    Fisher's test."""
     failures = [True, True, True, False, True, False, False, False]
     executor: Any = Mock()
     executor.outcomes.return_value = [
         Mock(is_error=False, kpi=Mock(return_value=Mock(failure=failure))) for failure in failures
     ]
-    found = Found(
+    group = Found(
         world(9, 9).regions.regions[0], Group("box", np.zeros(0, bool), Rule((Condition(0, 2, 4),)))
     )
-    (region,) = FreshTests(SMALL, executor, 0.1, 4, confidence).confirm([found])
+    (region,) = FreshTests(SMALL, executor, 0.1, 4, confidence).confirm([group])
     assert region.status == status
 
 
-def test_the_report_says_what_confirms_a_rule(found: FailureRegions) -> None:
+def test_the_report_says_what_confirms_a_rule(base_regions: FailureRegions) -> None:
     shown = {
         card.name: card
-        for card in cards(found, pictured(found, KeptFrames([])), Shown({}, {}, {}, 0.5))
+        for card in cards(
+            base_regions, pictured(base_regions, KeptFrames([])), Shown({}, {}, {}, 0.5)
+        )
     }
-    for region in found.regions:
+    for region in base_regions.regions:
         assert region.confirmation is not None
         inside, card = region.confirmation.inside, shown[region.name]
         assert card.tag == region.status

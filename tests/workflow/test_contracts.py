@@ -1,6 +1,7 @@
-"""Every step keeps its contract: it reads and writes only declared files and keys, and uses all of them.
+"""Every step reads and writes only declared files and keys, and uses all of them.
 
-The tests run a small study of each kind job by job in this process, under an audit hook that sees every opened file.
+The tests run a small study of each kind job by job in this process, under an audit hook that sees
+every opened file.
 """
 
 from __future__ import annotations
@@ -153,7 +154,8 @@ class Watch:
 
 def covers(declared: list[str], path: str) -> bool:
     """Whether a path is declared, or lies in a declared folder."""
-    return any(path == one or (one.endswith("/") and path.startswith(one)) for one in declared)
+    folders = tuple(name for name in declared if name.endswith("/"))
+    return path in declared or path.startswith(folders)
 
 
 @pytest.fixture
@@ -224,19 +226,15 @@ def test_every_step_reads_and_writes_what_it_declares(
             assert not [path for path in watch.written if not covers(allowed, finished(path))], (
                 f"{target} writes undeclared files"
             )
-            needed = relative(
-                flat(
-                    {
-                        name: files
-                        for name, files in order.reads.items()
-                        if (target.step, name) not in SOMETIMES
-                    }
+            needed = {
+                name: files
+                for name, files in order.reads.items()
+                if (target.step, name) not in SOMETIMES
+            }
+            for path in relative(flat(needed)):
+                assert any(covers([path], read) for read in watch.read), (
+                    f"{target} declares {path} and does not read it"
                 )
-            )
-            unused = [
-                path for path in needed if not any(covers([path], read) for read in watch.read)
-            ]
-            assert not unused, f"{target} declares files that it does not read"
             assert all(Path(path).exists() for path in outputs), (
                 f"{target} declares files that it does not write"
             )
@@ -256,7 +254,8 @@ def test_every_step_reads_and_writes_what_it_declares(
 
 
 SOMETIMES = {("report", "detectors"), ("detector_report", "detectors"), ("campaign", "model")}
-"""Inputs that a study may need only in part: only versions that change an outcome have a replay, and joined shards are not executed."""
+"""Inputs that a study may need only in part: only versions that change an outcome have a replay,
+and joined shards are not executed."""
 
 
 def relative(paths: list[str]) -> list[str]:
@@ -292,7 +291,8 @@ def test_an_undeclared_key_cannot_be_read() -> None:
     assert part.comparison.alpha == 0.05
     with pytest.raises(
         AttributeError,
-        match=r"^'tests' of HeldOutSequence is read but not declared; add it to the step's sections$",
+        match=r"^'tests' of HeldOutSequence is read but not declared; add it to the step's "
+        r"sections$",
     ):
         _ = part.comparison.tests
     with pytest.raises(
@@ -319,30 +319,64 @@ def test_the_profile_gives_threads_to_the_steps_that_take_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
-        (["measure"], "stopped; finished tests are kept, and the same command resumes"),
+        (["step", "measure"], "stopped; finished tests are kept, and the same command resumes"),
         (["versions"], "stopped"),
     ],
 )
 def test_ctrl_c_ends_a_command_in_one_line(
-    words: list[str], told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pipeline.__main__.run_step", interrupted)
+    monkeypatch.setattr("pipeline.commands.step.run", interrupted)
     monkeypatch.setattr("pipeline.commands.versions.run", interrupted)
     assert main(words) == 130
-    assert capsys.readouterr().err == f"blindspot {words[0]}: {told}\n"
+    assert capsys.readouterr().err == f"blindspot {' '.join(words)}: {message}\n"
 
 
 @pytest.mark.parametrize(
-    ("step", "told"),
+    ("step", "message"),
     [("retrain", "'base' is not retrained"), ("export", "'base' is no tested detector")],
 )
 def test_a_version_that_a_step_cannot_make_is_named(
-    step: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    step: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert StudyFolder.composed(tmp_path, "smoke").run(step, version="base") == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["render-base"], "render-base: a step of a study; type: python -m pipeline step render-"),
+        (["step", "define-space", "--scenario", "F99"], "step define-space: --scenario: there is"),
+    ],
+)
+def test_a_step_has_a_door_of_its_own(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with chdir(StudyFolder.composed(tmp_path, "smoke").root):
+        assert main(words) == 2
+    assert capsys.readouterr().err.startswith(f"blindspot {message}")
+
+
+def test_a_command_named_like_a_step_does_not_run_the_step(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        main(["campaign", "--kind", "campaigns", "--seed", "0"])
+    assert exit_.value.code == 2
+    assert "the step of a study is `step campaign`" in capsys.readouterr().err
+
+
+def test_the_steps_are_listed_with_their_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["step"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(step_names())
+    assert "render-base          Render the random base training set." in lines

@@ -1,4 +1,4 @@
-"""The documents in the repository: short lines, a short README, links that resolve and commands that exist."""
+"""The documents in the repository: short lines, working links, commands that exist."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from pathlib import Path
 import pytest
 
 from pipeline.__main__ import parser
-from pipeline.commands.pictures import README_ROWS
 from pipeline.config.composing import CONF
 from pipeline.report.formats import aligned
 from pipeline.report.verdict import HEADERS
 from pipeline.simulators.mujoco.contact_sheet import WEATHERS
 from tools import architecture_picture
+from tools.pictures import README_ROWS
 
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST_LINE = 160
 README_WORDS = 900
 LINK = re.compile(r"(?:\]\(|^\[[^\]\n]+\]: )([^)\s]+)", re.MULTILINE)
 HEADING = re.compile(r"^#+ +(.+?) *$", re.MULTILINE)
-COMMAND = re.compile(r"python -m pipeline\s+([a-z][a-z-]*)(?:\s+([a-z|]+))?")
+COMMAND = re.compile(r"python -m pipeline\s+([a-z][a-z-]*)(?:\s+([a-z][a-z|-]*))?")
 EXAMPLE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 PRINTED = re.compile(r"^print\(.*\)  # (.+)$", re.MULTILINE)
 SNIPPET = re.compile(r"^```.*?^```|`[^`]+`", re.MULTILINE | re.DOTALL)
@@ -59,23 +59,25 @@ def broken_links(name: str) -> list[str]:
     return broken
 
 
-def names(of: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """The subcommands of a parser."""
-    found = [
-        action.choices for action in of._actions if isinstance(action, argparse._SubParsersAction)
-    ]
-    return dict(found[0]) if found else {}
+def subcommands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The subcommands of a parser; those of `step` are steps, which have no parser yet."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+        if not action.option_strings and action.dest == "step":
+            return dict.fromkeys(action.choices or (), argparse.ArgumentParser())
+    return {}
 
 
 def unknown_commands(text: str, top: argparse.ArgumentParser) -> list[str]:
     """Commands in a document's code that do not exist."""
     unknown = []
+    commands = subcommands(top)
     for snippet in SNIPPET.findall(text):
         for command, verb in COMMAND.findall(snippet):
-            verbs = names(names(top).get(command, argparse.ArgumentParser()))
-            if command not in names(top) or (
-                verbs and verb and not set(verb.split("|")) <= set(verbs)
-            ):
+            verbs = subcommands(commands.get(command, argparse.ArgumentParser()))
+            misnamed = verbs and verb and not set(verb.split("|")) <= set(verbs)
+            if command not in commands or misnamed:
                 unknown.append(f"{command} {verb}".strip())
     return unknown
 
@@ -107,8 +109,9 @@ def test_named_commands_exist(name: str) -> None:
 
 def test_an_unknown_command_is_found() -> None:
     block = "python -m pipeline coverage scored --k 2\npython -m pipeline compose study=x"
-    text = f"Type `python -m pipeline simulat F1`, then:\n```sh\n{block}\n```"
-    assert unknown_commands(text, parser()) == ["simulat", "coverage scored"]
+    steps = "python -m pipeline step render-bas\npython -m pipeline step render-base"
+    text = f"Type `python -m pipeline simulat F1`, then:\n```sh\n{block}\n{steps}\n```"
+    assert unknown_commands(text, parser()) == ["simulat", "coverage scored", "step render-bas"]
 
 
 def test_the_pictures_of_all_scenarios_are_those_that_the_command_draws() -> None:

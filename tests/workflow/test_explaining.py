@@ -1,4 +1,5 @@
-"""The step `cluster` executes failures again with single changes; the sentence and the bars say what the rows say."""
+"""The step `cluster` executes failures again with single changes; the sentence and the bars say
+what the rows say."""
 
 from __future__ import annotations
 
@@ -100,10 +101,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
         "strategies=[random,mixed]",
         f"regions.explain={FAILURES}",
     ]
-    made = analytic_study(tmp_path_factory.mktemp("explaining"), *overrides, breaking)
+    folder = analytic_study(tmp_path_factory.mktemp("explaining"), *overrides, breaking)
     for strategy in ("random", "mixed"):
         assert (
-            made.run(
+            folder.run(
                 "campaign",
                 kind="campaigns",
                 scenario="F1",
@@ -113,13 +114,13 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
             )
             == 0
         )
-    assert made.run("cluster", scenario="F1", version="base") == 0
-    assert not list(Path(made / "journal").glob("cluster/**/*.npz")), "the journal is removed"
-    return made
+    assert folder.run("cluster", scenario="F1", version="base") == 0
+    assert not list(Path(folder / "journal").glob("cluster/**/*.npz")), "the journal is removed"
+    return folder
 
 
 @pytest.fixture(scope="module")
-def found(study: StudyFolder) -> FailureRegions:
+def base_regions(study: StudyFolder) -> FailureRegions:
     return read(study / "regions/base/F1.json", FailureRegions)
 
 
@@ -128,9 +129,9 @@ def rows(study: StudyFolder) -> pd.DataFrame:
     return pd.read_parquet(study / "regions/base/F1.parquet")
 
 
-def test_the_planted_cause_is_the_first_repair(found: FailureRegions) -> None:
-    assert len(found.regions) >= 2
-    for region in found.regions:
+def test_the_planted_cause_is_the_first_repair(base_regions: FailureRegions) -> None:
+    assert len(base_regions.regions) >= 2
+    for region in base_regions.regions:
         assert region.why is not None and region.why.control is not None
         (about,) = [names for begin, names in CAUSES.items() if region.rule.startswith(begin)]
         first = region.why.repairs[0]
@@ -140,14 +141,14 @@ def test_the_planted_cause_is_the_first_repair(found: FailureRegions) -> None:
         assert control.repaired == control.errors == 0 < control.tests
 
 
-def test_every_number_comes_from_the_rows(found: FailureRegions, rows: pd.DataFrame) -> None:
-    for region in found.regions:
+def test_every_number_comes_from_the_rows(base_regions: FailureRegions, rows: pd.DataFrame) -> None:
+    for region in base_regions.regions:
         assert region.why is not None and region.why.control is not None
-        own = rows[rows["region"] == region.name]
-        before = own[own["change"] == UNCHANGED]
+        in_region = rows[rows["region"] == region.name]
+        before = in_region[in_region["change"] == UNCHANGED]
         assert tuple(before["test_id"]) == region.members and before["failure"].all()
         for repair in (*region.why.repairs, region.why.control):
-            changed = own[own["change"] == repair.change]
+            changed = in_region[in_region["change"] == repair.change]
             valid = changed[changed["status"] == "ok"]
             assert (
                 repair.tests + repair.errors == len(changed) == min(FAILURES, len(region.members))
@@ -172,9 +173,9 @@ def test_every_number_comes_from_the_rows(found: FailureRegions, rows: pd.DataFr
         )
         assert named
         for change, repaired, tests in named:
-            (one,) = [r for r in (*region.why.repairs, region.why.control) if r.change == change]
-            assert (one.repaired, one.tests) == (int(repaired), int(tests))
-    assert any(repair.errors for region in found.regions for repair in _repairs(region)), (
+            (repair,) = [r for r in (*region.why.repairs, region.why.control) if r.change == change]
+            assert (repair.repaired, repair.tests) == (int(repaired), int(tests))
+    assert any(repair.errors for region in base_regions.regions for repair in _repairs(region)), (
         "executions that broke are counted apart"
     )
 
@@ -184,23 +185,23 @@ def test_no_failure_is_chosen_twice() -> None:
     region = tested.regions.regions[0].model_copy(
         update={"members": tuple(tested.tests["test_id"])}
     )
-    found = Found(region, Group("box", np.ones(8, bool), Rule(())))
+    group = Found(region, Group("box", np.ones(8, bool), Rule(())))
     outcomes = outcomes_of(tested.space, tested.tests)
     chosen = explaining.Counterfactuals(executor, 0.1, FAILURES).chosen(
-        found, tested.tests.set_index("test_id"), outcomes
+        group, tested.tests.set_index("test_id"), outcomes
     )
     assert len({failure.test_id for failure in chosen}) == len(chosen) == FAILURES
 
 
-def test_the_report_shows_the_text_and_a_bar_for_each_change(found: FailureRegions) -> None:
-    shown = cards(found, pictured(found, KeptFrames([])), Shown({}, {}, {}, 0.5))
-    assert [card.name for card in shown[: len(found.regions)]] == [
-        region.name for region in found.regions
+def test_the_report_shows_the_text_and_a_bar_for_each_change(base_regions: FailureRegions) -> None:
+    shown = cards(base_regions, pictured(base_regions, KeptFrames([])), Shown({}, {}, {}, 0.5))
+    assert [card.name for card in shown[: len(base_regions.regions)]] == [
+        region.name for region in base_regions.regions
     ]
-    for card, region in zip(shown, found.regions, strict=False):
+    for card, region in zip(shown, base_regions.regions, strict=False):
         assert region.why is not None and card.text == region.why.sentence
         assert [(bar.label, bar.value) for bar in card.bars] == [
-            (one.change, one.repaired) for one in _repairs(region)
+            (repair.change, repair.repaired) for repair in _repairs(region)
         ]
         assert all(bar.text.startswith(f"{bar.value} / ") for bar in card.bars)
 
@@ -251,8 +252,8 @@ def test_a_changed_test_has_the_noise_of_the_failure_and_the_control_another(
         config.limits,
     )
     (point,) = (
-        config.space("F1").decode(one)
-        for one in config.space("F1").sample(1, np.random.default_rng(0))
+        config.space("F1").decode(row)
+        for row in config.space("F1").sample(1, np.random.default_rng(0))
     )
     clear = {**point, "fog": 0.0}
     failure, change = explaining.Failure("region", "test", point), Change("no fog", {"fog": 0.0})
@@ -261,8 +262,8 @@ def test_a_changed_test_has_the_noise_of_the_failure_and_the_control_another(
         outcomes = Executor(setup, tmp_path / "journal", 1, progress).outcomes(
             [clear, point], noises
         )
-    own, other = (outcome.signals["ego_y_m"][0] for outcome in outcomes)
-    assert own == len(str(point)) < other
+    first, other = (outcome.signals["ego_y_m"][0] for outcome in outcomes)
+    assert first == len(str(point)) < other
 
 
 def _first_cells(sizes: tuple[int, ...]) -> NDArray[np.int64]:
@@ -270,14 +271,16 @@ def _first_cells(sizes: tuple[int, ...]) -> NDArray[np.int64]:
 
 
 def test_without_executions_the_text_says_what_the_camera_saw(
-    study: StudyFolder, found: FailureRegions
+    study: StudyFolder, base_regions: FailureRegions
 ) -> None:
     config = load(study.root / "params.yaml")
     plain = config.model_copy(update={"regions": config.regions.model_copy(update={"explain": 0})})
     other = StudyFolder.of(study.root, plain)
     assert other.run("cluster", scenario="F1", version="base") == 0
     for region, before in zip(
-        read(study / "regions/base/F1.json", FailureRegions).regions, found.regions, strict=True
+        read(study / "regions/base/F1.json", FailureRegions).regions,
+        base_regions.regions,
+        strict=True,
     ):
         assert region.why is not None and before.why is not None
         assert (

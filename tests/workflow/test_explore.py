@@ -1,4 +1,5 @@
-"""`explore` serves the report and films of the study's tests to this machine, and nothing else to nobody else."""
+"""`explore` serves the report and films of the study's tests to this machine, and nothing else to
+nobody else."""
 
 from __future__ import annotations
 
@@ -34,19 +35,19 @@ TABLE = "campaigns/F1/random/base/0/tests.parquet"
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StudyFolder]:
     """A study with one real campaign and an empty report; the tests work in its folder."""
-    made = StudyFolder.composed(tmp_path_factory.mktemp("study"), "smoke", ANALYTIC)
-    assert made.run("define-space", scenario="F1") == 0
-    (made / "models/base").mkdir(parents=True)
-    (made / "models/base/model.onnx").write_bytes(b"the oracle needs none")
+    folder = StudyFolder.composed(tmp_path_factory.mktemp("study"), "smoke", ANALYTIC)
+    assert folder.run("define-space", scenario="F1") == 0
+    (folder / "models/base").mkdir(parents=True)
+    (folder / "models/base/model.onnx").write_bytes(b"the oracle needs none")
     assert (
-        made.run(
+        folder.run(
             "campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed=0
         )
         == 0
     )
-    (made / "report.html").write_text(render(Page("smoke", "Found nothing.", ())))
-    with chdir(made.root):
-        yield made
+    (folder / "report.html").write_text(render(Page("smoke", "Found nothing.", ())))
+    with chdir(folder.root):
+        yield folder
 
 
 @pytest.fixture
@@ -152,8 +153,8 @@ def test_a_new_film_replaces_the_one_of_another_study(
     monkeypatch.setattr(
         FilmsOnDemand, "_replay", lambda self, test, new: new.write_bytes(b"film") and ""
     )
-    made = films.film(TESTS[3], lambda: True)
-    assert made is not None and made.video == b"film" and not old.exists()
+    film = films.film(TESTS[3], lambda: True)
+    assert film is not None and film.video == b"film" and not old.exists()
     shutil.rmtree(old.parent)
 
 
@@ -212,11 +213,12 @@ def test_no_path_leaves_the_report(server: ReportServer, path: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("test", "told"),
+    ("test", "message"),
     [
         (
             "F1-random-base-0-00009",
-            "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got F1-random-base-0-00009",
+            "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got "
+            "F1-random-base-0-00009",
         ),
         (
             "F1-radom-base-0-00001",
@@ -226,11 +228,11 @@ def test_no_path_leaves_the_report(server: ReportServer, path: str) -> None:
     ],
 )
 def test_only_tests_of_the_study_are_filmed(
-    server: ReportServer, test: str, told: str, monkeypatch: pytest.MonkeyPatch
+    server: ReportServer, test: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(subprocess, "run", None)
     answer, body = ask(server, f"/films/{test}.mp4")
-    assert answer.status == 404 and told in body.decode()
+    assert answer.status == 404 and message in body.decode()
 
 
 def test_a_film_that_cannot_be_made_gives_the_reason(
@@ -247,11 +249,11 @@ def test_a_film_that_cannot_be_made_gives_the_reason(
 def test_films_are_made_one_at_a_time_and_only_for_those_who_wait(
     films: FilmsOnDemand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made: list[str] = []
+    films_drawn: list[str] = []
     begun, end = Event(), Event()
 
     def slow(self: Any, test: str, new: Path) -> str:
-        made.append(test)
+        films_drawn.append(test)
         begun.set()
         assert end.wait(30)
         new.parent.mkdir(exist_ok=True)
@@ -266,12 +268,12 @@ def test_films_are_made_one_at_a_time_and_only_for_those_who_wait(
             pool.submit(films.film, TESTS[2], lambda: True),
             pool.submit(films.film, TESTS[3], lambda: False),
         )
-        assert gone.result(30) is None and made == TESTS[:1]
+        assert gone.result(30) is None and films_drawn == TESTS[:1]
         end.set()
         results = [
-            found.video.decode() for future in (first, waiting) if (found := future.result(30))
+            result.video.decode() for future in (first, waiting) if (result := future.result(30))
         ]
-    assert results == [TESTS[0], TESTS[2]] == made
+    assert results == [TESTS[0], TESTS[2]] == films_drawn
 
 
 def test_a_browser_that_hangs_up_takes_its_request_back(
@@ -299,15 +301,15 @@ def test_a_browser_that_hangs_up_takes_its_request_back(
 
 def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     assert main(["explore", *words]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    return said.removeprefix("blindspot explore: ").strip()
+    printed = capsys.readouterr().err
+    assert printed.count("\n") == 1
+    return printed.removeprefix("blindspot explore: ").strip()
 
 
 def test_a_taken_port_is_named(server: ReportServer, capsys: pytest.CaptureFixture[str]) -> None:
-    said = refused(["--port", str(server.port)], capsys)
+    printed = refused(["--port", str(server.port)], capsys)
     assert (
-        said
+        printed
         == f"--port: {server.port} is taken; choose another one, as in --port {server.port + 1}"
     )
 
@@ -321,7 +323,8 @@ def test_an_impossible_port_is_named(
 
 def test_another_study_is_named(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
     assert refused(["thesis"], capsys).startswith(
-        "params.yaml holds study smoke, expected thesis; type: python -m pipeline compose study=thesis"
+        "params.yaml holds study smoke, expected thesis; type: python -m pipeline compose "
+        "study=thesis"
     )
 
 

@@ -1,8 +1,9 @@
-"""A small front-car study from start to end: points to full coverage, snapshots, two detectors, a page."""
+"""A small front-car study from start to end: points, snapshots, two detectors, a page."""
 
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from itertools import combinations
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.truth import Truth
 from pipeline.report.front_car_page import by_condition, first_covering
-from pipeline.steps.front_car_evaluate import _right
+from pipeline.steps.front_car_evaluate import is_right
 from tests.detectors.test_evaluation import AWAY, PERSON, said
 from tests.studies import StudyFolder
 
@@ -87,40 +88,38 @@ def test_points_share_the_images_as_evenly_as_possible(config: Config) -> None:
     assert config.front_car.model_copy(update={"images": 20}).images_of(7) == [3, 3, 3, 3, 3, 3, 2]
 
 
+def names_in(folder: Path) -> set[Path]:
+    """The relative paths of a folder's pictures, without suffix."""
+    return {path.relative_to(folder).with_suffix("") for path in folder.rglob("*.*g")}
+
+
 def test_each_set_has_its_snapshots(study: Path, config: Config) -> None:
     for version, train, val in (("existing", 20, 13), ("covered", 33, None), ("test", 0, 72)):
         folder = study / "snapshots" / version
-        images, segments = (
-            {
-                path.relative_to(folder / part).with_suffix("")
-                for path in (folder / part).rglob("*.*g")
-            }
-            for part in ("images", "segments")
-        )
+        images, segments = names_in(folder / "images"), names_in(folder / "segments")
         assert images == segments
         if val is None:
             assert len(images) == train
         else:
-            assert [
-                sum(path.parts[0] == split for path in images) for split in ("train", "val")
-            ] == [train, val]
+            counts = Counter(path.parts[0] for path in images)
+            assert (counts["train"], counts["val"]) == (train, val)
     tested = read_dataset(study / "snapshots" / "test", "val")
     present = [point[4] for point in config.front_car.space.feasible_points()]
     assert [bool(box[2] > box[0]) for box in tested.boxes] == [bool(value) for value in present]
 
 
+def digests_in(folder: Path) -> set[str]:
+    """The digests of a folder's JPEG files."""
+    return {hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.rglob("*.jpg")}
+
+
 def test_existing_and_covered_share_the_snapshots_of_the_random_points(study: Path) -> None:
-    folders = [study / "snapshots" / version for version in ("existing", "covered")]
-    digests = [
-        {hashlib.sha256(p.read_bytes()).hexdigest() for p in (f / "images").rglob("*.jpg")}
-        for f in folders
-    ]
-    assert digests[0] & digests[1] and digests[0] != digests[1]
-    test = {
-        hashlib.sha256(p.read_bytes()).hexdigest()
-        for p in (study / "snapshots" / "test" / "images").rglob("*.jpg")
-    }
-    assert not test & (digests[0] | digests[1])
+    existing, covered, test = (
+        digests_in(study / "snapshots" / version / "images")
+        for version in ("existing", "covered", "test")
+    )
+    assert existing & covered and existing != covered
+    assert not test & (existing | covered)
 
 
 def test_a_segmentation_opens_as_a_picture(study: Path) -> None:
@@ -180,7 +179,7 @@ def test_a_detector_is_right_if_it_finds_the_vehicle_that_is_there_and_nothing_e
         ),  # Too small for a person to see.
         (Truth(), [False, False, True, True, False]),
     ):
-        assert [_right(answer, truth, 0.5) for answer in answers] == right
+        assert [is_right(answer, truth, 0.5) for answer in answers] == right
 
 
 def test_a_value_that_no_point_has_is_no_row(config: Config) -> None:
@@ -226,9 +225,13 @@ def test_too_many_random_points_are_refused(
 
 
 def test_five_points_complete_the_paper_s_example_and_seven_cover_it_from_scratch() -> None:
-    """Section 5. E1 to E5 as in Table 1: all rainy and in the first lane; the paper says no more about E5, so it is assumed to equal E3."""
+    """Section 5.
+
+    E1 to E5 as in Table 1: all rainy and in the first lane; the paper says no more about E5, so it
+    is assumed to equal E3.
+    """
     domain = compose("front_car", []).front_car.space
-    known = np.array(
+    present = np.array(
         [
             [2, 0, 1, 0, 1, 0],
             [2, 1, 1, 0, 1, 0],
@@ -238,10 +241,10 @@ def test_five_points_complete_the_paper_s_example_and_seven_cover_it_from_scratc
         ]
     )
     proposer = Proposer(Demand(domain.space().constraints, 2))
-    for points, needed in ((known, 5), (known[:0], 7)):
+    for points, needed in ((present, 5), (present[:0], 7)):
         missing = int(proposer.missing(points).sum())
         fewer, enough = proposer.propose(points, needed - 1), proposer.propose(points, needed)
         assert fewer is not None and enough is not None
         assert fewer.gain < enough.gain == missing
-    exact = proposer.propose_exact(known)
+    exact = proposer.propose_exact(present)
     assert exact is not None and exact.optimal

@@ -1,4 +1,5 @@
-"""`likelihood` as a person types it: rates of scenarios and of the system, resumed, reweighted, and clear about wrong words."""
+"""`likelihood` as a person types it: rates of scenarios and of the system, resumed, reweighted, and
+clear about wrong words."""
 
 from __future__ import annotations
 
@@ -82,18 +83,18 @@ def test_no_estimate_loses_the_tests_of_another(
 ) -> None:
     words = ["scenario=F1", "exposure=uniform"]
     assert likelihood(tmp_path, *words) == 0
-    made = (tmp_path / "F1" / "rate.json").read_bytes()
+    written = (tmp_path / "F1" / "rate.json").read_bytes()
     capsys.readouterr()
     assert likelihood(tmp_path, *words, "seed=1") == 2
     assert (
         "holds another search, or one by other code; choose another folder with out="
         in capsys.readouterr().err
     )
-    assert (tmp_path / "F1" / "rate.json").read_bytes() == made
-    own = {
+    assert (tmp_path / "F1" / "rate.json").read_bytes() == written
+    overrides = {
         asked([*words, *more]).folder for more in ([], ["budget=200"], ["below=0.1"], ["seed=1"])
     }
-    assert len(own) == 4
+    assert len(overrides) == 4
 
 
 @pytest.mark.parametrize("wrong", [{"value": 1.2}, {"value": "0.1"}, {"limits": {}}, {"more": 1}])
@@ -125,15 +126,15 @@ def test_random_campaigns_are_weighed_and_searches_refused(
         assert main(["campaign", *words]) == 0
     capsys.readouterr()
     assert main(["likelihood", "exposure=town", "--from", str(tmp_path / "random")]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert (
-        "under this exposure, 60 uniform tests are worth" in said
-        and "failure probability unknown" in said
-        and "no claim" in said
+        "under this exposure, 60 uniform tests are worth" in printed
+        and "failure probability unknown" in printed
+        and "no claim" in printed
     )
     assert (
         main(["likelihood", "--from", str(tmp_path / "random"), "exposure=town"]) == 0
-        and capsys.readouterr().out == said
+        and capsys.readouterr().out == printed
     )
     assert main(["likelihood", "--from", str(tmp_path / "random"), "exposure=twon"]) == 2
     assert "exposure: there is no 'twon'" in capsys.readouterr().err
@@ -172,7 +173,8 @@ def test_random_tests_are_weighed_in_the_space_that_they_were_drawn_from(
         assert main(["campaign", *words, f"out={tmp_path / str(high)}"]) == 0
     exposure = tmp_path / "dense.yaml"
     exposure.write_text(
-        "description: Dense fog.\nvariables: {fog: {kind: histogram, edges: [50, 100], shares: [1], source: Assumed by this test.}}\n"
+        "description: Dense fog.\nvariables: {fog: {kind: histogram, edges: [50, 100], shares: "
+        "[1], source: Assumed by this test.}}\n"
     )
     assert main(["likelihood", f"exposure={exposure}", "--from", str(tmp_path / "50")]) == 2
     assert "edges must rise within [0, 50]" in capsys.readouterr().err
@@ -185,13 +187,14 @@ def test_random_tests_are_weighed_in_the_space_that_they_were_drawn_from(
     pq.write_table(table.replace_schema_metadata({}), path)
     with pytest.raises(
         InputError,
-        match=r"tests\.parquet: expected the space of its tests in its metadata; make the campaign again",
+        match=r"tests\.parquet: expected the space of its tests in its metadata; make the "
+        r"campaign again",
     ):
         space_of_tests(path)
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["exposure=twon"], "exposure: there is no 'twon'; did you mean 'town'?"),
         (["method=subsets"], "method: there is no 'subsets'; did you mean 'subset'?"),
@@ -215,7 +218,7 @@ def test_random_tests_are_weighed_in_the_space_that_they_were_drawn_from(
             ["samplers.random.batch_size=9"],
             "samplers.random.batch_size=9: an estimator chooses the tests",
         ),
-        (["campaign.tests=9"], "campaign.tests: the tests of this command do not depend on it"),
+        (["campaign.tests=9"], "campaign.tests: has no effect here"),
         (["budget"], "expected key=value, got 'budget'"),
         (
             ["scenario=F1", "--from", "nowhere"],
@@ -226,14 +229,14 @@ def test_random_tests_are_weighed_in_the_space_that_they_were_drawn_from(
     ],
 )
 def test_wrong_words_are_told_before_any_work(
-    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["likelihood", *words]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("description: x\nvariables: {rain: {kind: uniform}}", "variables.rain: needs 'source'"),
         (
@@ -253,12 +256,12 @@ def test_wrong_words_are_told_before_any_work(
     ],
 )
 def test_wrong_exposure_files_are_told(
-    text: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(text, encoding="latin-1")
     assert main(["likelihood", f"exposure={path}", f"out={tmp_path / 'rates'}", *ANALYTIC]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_project_in_a_folder_called_shards_has_its_tests(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ from packaging.utils import canonicalize_name
 from pipeline.sources import ROOT
 
 ENTRY = re.compile(
-    r"(?m)^(?P<name>[\w.-]+)==(?P<version>\S+)[^\n]*\\\n(?P<hashes>(?:    --hash=sha256:[0-9a-f]{64}(?: \\)?\n)+)"
+    r"(?m)^(?P<name>[\w.-]+)==(?P<version>\S+)[^\n]*\\\n(?P<hashes>(?:    "
+    r"--hash=sha256:[0-9a-f]{64}(?: \\)?\n)+)"
 )
 
 
@@ -37,5 +38,9 @@ def test_the_lock_holds_what_the_project_asks_for() -> None:
         canonicalize_name(match["name"]): match["version"]
         for match in ENTRY.finditer((ROOT / "requirements.lock").read_text())
     }
-    for one in (one for one in wanted if one.name != project["name"]):
-        assert one.specifier.contains(locked[canonicalize_name(one.name)]), one
+    for requirement in (
+        requirement for requirement in wanted if requirement.name != project["name"]
+    ):
+        assert requirement.specifier.contains(locked[canonicalize_name(requirement.name)]), (
+            requirement
+        )

@@ -1,4 +1,7 @@
-"""The commands that show and export: `simulate`, `contact-sheet`, `export-scenario`, `export-frames`."""
+"""The commands that show and export.
+
+They are `simulate`, `contact-sheet`, `export-scenario` and `export-frames`.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,8 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ),
         (
             ["test-detector", "models/uniform"],
-            "models/uniform: expected the file of a detector, got a folder; name the file, such as models/uniform/weights.safetensors",
+            "models/uniform: expected the file of a detector, got a folder; name the file, such "
+            "as models/uniform/weights.safetensors",
         ),
         (["verdict", "--params", "nope.yaml"], "nope.yaml: no such file"),
         (
@@ -84,7 +88,8 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ),
         (
             ["compose", "study=smoke", "base.weights=nope"],
-            "base.weights: expected the folder of a detector, found no file nope/weights.safetensors",
+            "base.weights: expected the folder of a detector, found no file "
+            "nope/weights.safetensors",
         ),
         (
             ["simulate", "F1", "--out", "README.md/film.mp4"],
@@ -112,13 +117,12 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
             "--speeds: expected speeds from 0 to 20 m/s, got inf",
         ),
         (
-            ["stages", "--out", "README.md/dvc.yaml"],
+            ["compose", "study=smoke", "--out", "README.md/params.yaml"],
             "README.md: expected a folder to write in, got a file",
         ),
-        (["stages", "--out", "docs"], "docs: expected a file or nothing, got a folder"),
         (
-            ["reference", "--out", "README.md"],
-            "README.md: expected a folder to write in, got a file",
+            ["compose", "study=smoke", "--out", "docs"],
+            "docs: expected a file or nothing, got a folder",
         ),
         (
             ["verify", "--folder", "nowhere"],
@@ -140,7 +144,8 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["explore", "nothing"], "there is no study 'nothing'"),
         (
             ["export-frames", "nowhere.parquet"],
-            "nowhere.parquet: expected a readable file, got No such file or directory; ./run makes the files of a study",
+            "nowhere.parquet: expected a readable file, got No such file or directory; ./run "
+            "makes the files of a study",
         ),
     ],
 )
@@ -175,10 +180,10 @@ def test_work_needs_at_least_one_process(
 
 def test_an_omitted_value_equals_its_default() -> None:
     space = functional_scenario("F1").logical_space()
-    said = [
+    messages = [
         repr(concrete_scenario(space, words)) for words in ([], ["fog=0"], ["fog=0.0", "rain=0"])
     ]
-    assert len(set(said)) == 1
+    assert len(set(messages)) == 1
 
 
 def test_a_contact_sheet_has_a_row_per_weather(tmp_path: Path) -> None:
@@ -193,8 +198,8 @@ def test_a_contact_sheet_has_a_row_per_weather(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["F1", "F5", "F8", "F3star"])
 def test_a_finding_is_exported_as_openscenario(name: str, tmp_path: Path) -> None:
     out, scenario = tmp_path / "find", functional_scenario(name)
-    found = [*FOUND[:-1], f"blueprint={scenario.logical_space().variables[-1].values[39]}"]
-    assert main(["export-scenario", name, *found, "--out", str(out)]) == 0
+    values = [*FOUND[:-1], f"blueprint={scenario.logical_space().variables[-1].values[39]}"]
+    assert main(["export-scenario", name, *values, "--out", str(out)]) == 0
     story = Xml.parse(out.with_suffix(".xosc")).getroot()
     logic = story.find("RoadNetwork/LogicFile")
     assert logic is not None and logic.attrib["filepath"] == "find.xodr"
@@ -211,7 +216,8 @@ def test_a_finding_is_exported_as_openscenario(name: str, tmp_path: Path) -> Non
         ]
         assert times == sorted(times) and len(times) == len(places)
         tracks[trajectory.attrib["name"]] = dict(zip(times, places, strict=True))
-    # At the horizon the ego's front is at the conflict point, and the pedestrian is past it by its shift.
+    # At the horizon the ego's front is at the conflict point, and the pedestrian is past it by its
+    # shift.
     x, y = tracks["ego"][scenario.ego.horizon_s]
     at = np.array(scenario.pedestrian.at)
     assert np.hypot(*(np.array([x, y]) - at)) == pytest.approx(2.5, abs=0.2)
@@ -260,11 +266,11 @@ def test_the_roads_of_a_finding_are_connected(name: str, tmp_path: Path) -> None
         for number, (first_end, last_end) in inside.items():
             assert ends[number][0] == pytest.approx(first_end, abs=1e-3)
             assert ends[number][1] == pytest.approx(last_end, abs=1e-3)
-        # The side street runs away from the junction: traffic from it drives on the left of its line.
-        lanes = {
-            c.attrib["id"]: [tuple(link.attrib.values()) for link in c.iter("laneLink")]
-            for c in network.iter("connection")
-        }
+        # The side street runs away from the junction: traffic from it drives left of its line.
+        lanes = {}
+        for connection in network.iter("connection"):
+            links_of = connection.iter("laneLink")
+            lanes[connection.attrib["id"]] = [tuple(link.attrib.values()) for link in links_of]
         assert lanes == {"11": [("-1", "-1")], "12": [("-1", "-1")], "13": [("1", "-1")]}
         links = {
             lane.attrib["id"]: lane.find("link/predecessor") for lane in roads["13"].iter("lane")
@@ -390,9 +396,10 @@ def test_frames_are_exported_as_yolo_coco_and_openlabel(frames: Path, tmp_path: 
         ] == [-0.1, 0, 0, 0, 0]
         for frame in body["frames"].values():
             uri = frame["frame_properties"]["streams"]["camera"]["uri"]
-            for found in frame.get("objects", {}).values():
+            for labelled in frame.get("objects", {}).values():
                 visible = next(
-                    (box for box in found["object_data"]["bbox"] if box["name"] == "visible"), None
+                    (box for box in labelled["object_data"]["bbox"] if box["name"] == "visible"),
+                    None,
                 )
                 if visible:
                     x, y, width, height = visible["val"]
@@ -420,19 +427,17 @@ def test_exported_frames_name_their_region_and_how_their_test_ended(
     assert len(truth["images"]) == len(table) == len(read_frames(frames))
     named = 0
     for image, row in zip(
-        sorted(truth["images"], key=lambda one: str(one["file_name"])),
+        sorted(truth["images"], key=lambda image: str(image["file_name"])),
         table.sort_values("file").itertuples(),
         strict=True,
     ):
-        told, test = image["attributes"], tests.loc[row.test_id]
+        attributes, test = image["attributes"], tests.loc[row.test_id]
         assert f"images/{image['file_name']}" == row.file and image["split"] == row.split
-        assert told["region"] == row.region == members.get(row.test_id, "")
-        assert (
-            told["outcome"]
-            == row.outcome
-            == ("error" if test["status"] != "ok" else "failure" if test["failure"] else "pass")
-        )
-        assert told["fog"] == test["fog"] == pytest.approx(row.fog, rel=1e-5)
+        assert attributes["region"] == row.region == members.get(row.test_id, "")
+        outcome = "failure" if test["failure"] else "pass"
+        expected = outcome if test["status"] == "ok" else "error"
+        assert attributes["outcome"] == row.outcome == expected
+        assert attributes["fog"] == test["fog"] == pytest.approx(row.fog, rel=1e-5)
         named += bool(row.region)
     assert named > 0
     for annotation in truth["annotations"]:
@@ -447,8 +452,8 @@ def test_a_test_is_in_one_split_and_the_names_fit_the_folders(frames: Path, tmp_
     count = table["test_id"].nunique()
     assert table[table["split"] == "val"]["test_id"].nunique() == round(0.1 * count) > 0
     # A single test cannot be split: both names are those of its folder, not of an empty one.
-    one = read_frames(frames)
-    write_frames(tmp_path / "frames.parquet", one[one["test_id"] == one["test_id"].iloc[0]])
+    table = read_frames(frames)
+    write_frames(tmp_path / "frames.parquet", table[table["test_id"] == table["test_id"].iloc[0]])
     (tmp_path / "again").mkdir()
     again = exported(tmp_path / "frames.parquet", tmp_path / "again")
     assert yaml.safe_load((again / "dataset.yaml").read_text()) == {
@@ -493,9 +498,10 @@ def test_a_view_from_above_has_a_panel_per_speed() -> None:
         "F7, pedestrian 0 m/s",
         "F7, pedestrian 1.5 m/s",
     ]
-    standing, walking = (
-        next(line for line in axes.lines if line.get_marker() == "o") for axes in figure.axes
-    )
+    paths = []
+    for axes in figure.axes:
+        paths += [line for line in axes.lines if line.get_marker() == "o"]
+    standing, walking = paths
     at = np.array(functional_scenario("F7").pedestrian.at)
     assert np.allclose(standing.get_xydata(), at)
     # Half a second at 1.5 m/s, and the last 0.2 s before the conflict point.

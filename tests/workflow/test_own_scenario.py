@@ -1,4 +1,4 @@
-"""A scenario is one YAML and a strategy one class with one YAML: both are found automatically, and a scenario's constraints hold."""
+"""A scenario is one YAML, a strategy one class with one YAML; a scenario's constraints hold."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ class Centred(BatchSampler):
     hurry: float = 1.0
 
     def _choose(self, index, points, kpi, rng):
-        return self.space.representatives(self.space.categorise(self.space.sample(self.batch_size, rng)))
+        points = self.space.sample(self.batch_size, rng)
+        return self.space.representatives(self.space.categorise(points))
 '''
 
 
@@ -160,7 +161,10 @@ def test_a_concrete_scenario_that_breaks_a_clause_is_refused_by_name(
     space = config.space("G1")
     with pytest.raises(InputError) as caught:
         concrete_scenario(space, ["animation=crouching"])
-    broken = "breaks the constraint 'animation != crouching or pedestrian_speed = 0': pedestrian_speed = 1.4, animation = crouching"
+    broken = (
+        "breaks the constraint 'animation != crouching or pedestrian_speed = 0': "
+        "pedestrian_speed = 1.4, animation = crouching"
+    )
     assert str(caught.value) == f"the scenario {broken}"
     assert (
         concrete_scenario(space, ["animation=crouching", "pedestrian_speed=0.5"])["animation"]

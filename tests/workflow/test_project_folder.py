@@ -19,9 +19,9 @@ from tests.studies import StudyFolder
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
-    made = StudyFolder.composed(tmp_path_factory.mktemp("study"), "smoke")
-    (made / "reports").mkdir(parents=True)
-    return made
+    folder = StudyFolder.composed(tmp_path_factory.mktemp("study"), "smoke")
+    (folder / "reports").mkdir(parents=True)
+    return folder
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_a_command_in_a_subfolder_works_on_the_study(
             main(["compose", "study=smoke", "base.weights=models/uniform", "--out", "mine.yaml"])
             == 0
         )
-        assert main(["define-space", "--scenario", "F1"]) == 0
+        assert main(["step", "define-space", "--scenario", "F1"]) == 0
         assert main(["verify"]) == 0
         assert main(["verdict"]) == 2
     assert load(study.root / "params.yaml").campaign.tests == 14
@@ -85,7 +85,7 @@ def test_a_command_in_a_subfolder_works_on_the_study(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["verdict"], "params.yaml: no such file in {folder}; make it with"),
         (
@@ -96,12 +96,12 @@ def test_a_command_in_a_subfolder_works_on_the_study(
     ],
 )
 def test_without_a_project_the_folder_is_named(
-    words: list[str], told: str, nowhere: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], message: str, nowhere: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with chdir(nowhere):
         assert main(words) == 2
-    said = capsys.readouterr().err
-    assert told.format(folder=nowhere) in said and said.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert message.format(folder=nowhere) in printed and printed.count("\n") == 1
 
 
 def test_the_program_starts_in_a_subfolder(study: StudyFolder) -> None:

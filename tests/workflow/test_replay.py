@@ -27,16 +27,16 @@ TEST = "F1-random-base-0-00002"
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
-    made = StudyFolder.composed(
+    study = StudyFolder.composed(
         tmp_path_factory.mktemp("study"),
         "smoke",
         ["simulator=analytic", "detector=oracle", "campaign.tests=4", "seeds=[0]"],
     )
-    assert made.run("define-space", scenario="F1") == 0
-    (made / "models/base").mkdir(parents=True)
-    (made / "models/base/model.onnx").write_bytes(b"the oracle needs none")
-    assert made.run("campaign", **CAMPAIGN) == 0
-    return made
+    assert study.run("define-space", scenario="F1") == 0
+    (study / "models/base").mkdir(parents=True)
+    (study / "models/base/model.onnx").write_bytes(b"the oracle needs none")
+    assert study.run("campaign", **CAMPAIGN) == 0
+    return study
 
 
 def table(study: StudyFolder) -> Path:
@@ -67,16 +67,16 @@ def test_the_study_that_has_a_test_is_found(
     study: StudyFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # The second study has the campaign as the audit beside its searches.
-    own = [
+    params_files = [
         study.root / "data" / name / "params.yaml" for name in ("best-7692c3ad", "best-f0e1d2c3")
     ]
-    made = zip(
-        own,
+    campaigns = zip(
+        params_files,
         ("campaigns/F1/random/best/0", "campaigns/audit/F1/random/best/0"),
         ("random", "mixed"),
         strict=True,
     )
-    for params, folder, strategy in made:
+    for params, folder, strategy in campaigns:
         (params.parent / folder).mkdir(parents=True)
         shutil.copy(table(study), params.parent / folder)
         named = {
@@ -95,10 +95,13 @@ def test_the_study_that_has_a_test_is_found(
         params.rename(params.with_suffix(".held"))
     (study.root / "data/broken").mkdir()
     (study.root / "data/broken/params.yaml").write_text("study: [")
-    for params in own:
+    for params in params_files:
         params.with_suffix(".held").rename(params)
     assert replay(study, "F1-random-best-0-00001") == 2
-    message = "; choose its study: --params data/best-7692c3ad/params.yaml or data/best-f0e1d2c3/params.yaml\n"
+    message = (
+        "; choose its study: --params data/best-7692c3ad/params.yaml or "
+        "data/best-f0e1d2c3/params.yaml\n"
+    )
     assert capsys.readouterr().err.endswith(
         f"study smoke has no campaign 'F1-random-best-0'{message}"
     )
@@ -116,7 +119,8 @@ def test_the_study_that_has_a_test_is_found(
     [
         (
             "F1-random-base-0-00009",
-            "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got F1-random-base-0-00009",
+            "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got "
+            "F1-random-base-0-00009",
         ),
         ("nope", "expected a test such as F1-forest-base-0-00012, got 'nope'"),
         (

@@ -1,4 +1,5 @@
-"""Stored tests follow from their detections, for every brake law, and can be driven again at another IoU."""
+"""Stored tests follow from their detections, for every brake law, and can be driven again at
+another IoU."""
 
 from __future__ import annotations
 
@@ -122,8 +123,8 @@ def test_a_lost_detection_is_noticed(
 ) -> None:
     copy = shutil.copytree(study / "campaigns", tmp_path / "campaigns")
     path = next(copy.rglob("detections.parquet"))
-    found = read_detections(path)
-    write_detections(path, found[found["score"] < 0.8])
+    detections = read_detections(path)
+    write_detections(path, detections[detections["score"] < 0.8])
     path.with_name("tests.parquet.stamp").unlink()
     assert main(["rescore", str(copy), "--params", str(study.root / "params.yaml")]) == 1
     assert "differs in" in capsys.readouterr().out
@@ -165,7 +166,7 @@ def test_the_threshold_of_a_detector_without_one_is_zero(
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         (["--iou", "0.05"], "iou must be in [0.1, 1), got 0.05"),
         (["--iou", "0.3", "1"], "iou must be in [0.1, 1), got 1.0"),
@@ -177,10 +178,10 @@ def test_the_threshold_of_a_detector_without_one_is_zero(
     ],
 )
 def test_wrong_options_are_told_before_any_work(
-    options: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    options: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["rescore", "nowhere", *options]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_campaign_of_another_study_is_not_driven(
@@ -208,7 +209,7 @@ def test_tests_of_a_calibrated_detector_are_driven_again_calibrated(
         return tests.tests
 
     monkeypatch.setattr(again, "driven_again", driven_again)
-    made = DetectorCalibration(
+    calibration = DetectorCalibration(
         version="base",
         slope=2,
         offset=1,
@@ -230,7 +231,7 @@ def test_tests_of_a_calibrated_detector_are_driven_again_calibrated(
             "calibrate=true",
         ],
     )
-    write(tmp_path / Folders(config).calibration("base"), made)
+    write(tmp_path / Folders(config).calibration("base"), calibration)
     monkeypatch.chdir(tmp_path)
     judged(
         folder(study),
@@ -238,7 +239,7 @@ def test_tests_of_a_calibrated_detector_are_driven_again_calibrated(
         with_criterion(config.car, 0.9, 0.3),
         argparse.Namespace(drive=True, workers=1),
     )
-    assert [setup.detector for setup in used] == [calibrated(config.detector, made.scaling)]
+    assert [setup.detector for setup in used] == [calibrated(config.detector, calibration.scaling)]
 
 
 def test_held_out_tests_at_a_second_iou_equal_a_study_with_that_iou(
@@ -255,9 +256,9 @@ def test_held_out_tests_at_a_second_iou_equal_a_study_with_that_iou(
     )
     other = executed(tmp_path / "other", [*law, *small, "campaign.match_iou=0.7"], held_out)
     folders = [study / "/".join(map(str, held_out.values())) for study in (first, other)]
-    found, expected = (
+    result, expected = (
         read_tests(folders[0] / "second_iou.parquet"),
         read_tests(folders[1] / "tests.parquet"),
     )
-    pd.testing.assert_frame_equal(found, expected)
-    assert not found.equals(read_tests(folders[0] / "tests.parquet"))
+    pd.testing.assert_frame_equal(result, expected)
+    assert not result.equals(read_tests(folders[0] / "tests.parquet"))

@@ -93,7 +93,8 @@ def test_an_unfit_python_ends_with_one_message(state: str, request: pytest.Fixtu
     done = call(request.getfixturevalue(state), "setup", PYTHON="/nonexistent/python3.9")
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
-        "blindspot: needs Python 3.11 to 3.13, found /nonexistent/python3.9; type: sudo apt-get install -y python3 python3-venv"
+        "blindspot: needs Python 3.11 to 3.13, found /nonexistent/python3.9; type: sudo apt-get "
+        "install -y python3 python3-venv"
     ]
 
 
@@ -120,7 +121,8 @@ def test_a_machine_without_room_rights_or_handles_is_named_before_any_work(check
     assert done.returncode == 2
     assert (
         done.stderr
-        == f"blindspot: cannot write in {checkout}: File exists; the same command resumes once it can\n"
+        == f"blindspot: cannot write in {checkout}: File exists; the same command resumes once it "
+        "can\n"
     )
 
 
@@ -147,7 +149,8 @@ def test_a_ready_checkout_installs_nothing_and_passes_its_arguments_on(ready: Pa
         (["explore", "--port", "1"], "python -m pipeline explore --port 1"),
         (
             ["ui", "--workers", "1"],
-            "mlflow ui --backend-store-uri sqlite:///data/mlflow/mlflow.db --host 127.0.0.1 --port 5000 --workers 1",
+            "mlflow ui --backend-store-uri sqlite:///data/mlflow/mlflow.db --host 127.0.0.1 "
+            "--port 5000 --workers 1",
         ),
     ],
 )
@@ -291,9 +294,9 @@ def test_ctrl_c_ends_with_one_sentence_that_says_what_goes_on(ready: Path) -> No
     while not (ready / "begun").exists():
         assert run.poll() is None
     os.killpg(run.pid, signal.SIGINT)
-    told = run.communicate(timeout=30)[1]
+    printed = run.communicate(timeout=30)[1]
     assert (
-        told
+        printed
         == "blindspot: stopped; finished jobs and tests are kept, and the same command resumes\n"
     )
     assert run.returncode == 130
@@ -316,7 +319,8 @@ def test_a_second_run_waits_for_the_first(ready: Path) -> None:
     assert second.stderr is not None
     assert (
         second.stderr.readline()
-        == f"blindspot: ./run (process {first.pid}) is running in this folder; waiting for it to finish\n"
+        == f"blindspot: ./run (process {first.pid}) is running in this folder; waiting for it to "
+        "finish\n"
     )
     (ready / "go").write_text("")
     assert (first.wait(), second.wait()) == (0, 0)

@@ -1,4 +1,5 @@
-"""Shards of a campaign give the rows of the whole campaign, bit for bit, and only strategies that do not learn have shards."""
+"""Shards of a campaign give the rows of the whole campaign, bit for bit, and only strategies that
+do not learn have shards."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ COUNT = 3
 
 
 def sharded(root: Path, strategy: str, *overrides: str) -> tuple[StudyFolder, int]:
-    """A study whose campaign of a strategy was executed in shards, last shard first, and the exit code of joining them."""
+    """A study whose campaign of a strategy was executed in shards, last shard first, and the exit
+    code of joining them."""
     study = analytic_study(root, f"campaign.shards={COUNT}", *overrides)
     for number in reversed(range(COUNT)):
         assert study.run("shard", shard=Shard(number, COUNT), **key(strategy)) == 0
@@ -34,14 +36,15 @@ def sharded(root: Path, strategy: str, *overrides: str) -> tuple[StudyFolder, in
 
 
 def joined(root: Path, strategy: str, *overrides: str) -> pd.DataFrame:
-    """The tests of a campaign that was executed in shards; its tables are those of the whole campaign."""
+    """The tests of a campaign that was executed in shards; its tables are those of the whole
+    campaign."""
     whole = analytic_study(root / "whole", *overrides)
     assert whole.run("campaign", **key(strategy)) == 0
     parts, code = sharded(root / "parts", strategy, *overrides)
     assert code == 0
     for name in ("tests", "signals", "detections", "frames"):
-        one, other = (folder(study, strategy) / f"{name}.parquet" for study in (whole, parts))
-        assert one.read_bytes() == other.read_bytes(), name
+        first, other = (folder(study, strategy) / f"{name}.parquet" for study in (whole, parts))
+        assert first.read_bytes() == other.read_bytes(), name
     tests = tables.read_tests(folder(parts, strategy) / "tests.parquet")
     assert list(
         tables.read_timings(folder(parts, strategy) / "timings.parquet")["test_id"]
@@ -99,11 +102,11 @@ FRUITLESS = {
 }
 
 
-@pytest.mark.parametrize(("overrides", "code", "said"), FRUITLESS.values(), ids=FRUITLESS.keys())
+@pytest.mark.parametrize(("overrides", "code", "reason"), FRUITLESS.values(), ids=FRUITLESS.keys())
 def test_shards_without_a_valid_test_are_no_campaign_and_are_executed_again(
     overrides: list[str],
     code: int,
-    said: str,
+    reason: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -112,14 +115,15 @@ def test_shards_without_a_valid_test_are_no_campaign_and_are_executed_again(
     parts, ended = sharded(tmp_path / "parts", "random", *overrides)
     assert (
         ended == code
-        and f"blindspot campaign: F1, random, base, seed 3: {said}" in capsys.readouterr().err
+        and f"blindspot step campaign: F1, random, base, seed 3: {reason}"
+        in capsys.readouterr().err
     )
     assert list((parts / "shards").rglob("*.parquet")) and not list(
         (parts / "shards").rglob("*.stamp")
     )
     whole = analytic_study(tmp_path / "whole", *overrides)
     assert whole.run("campaign", **key("random")) == code
-    assert said in capsys.readouterr().err
+    assert reason in capsys.readouterr().err
 
 
 def test_a_missing_shard_is_an_error_that_names_its_file(
@@ -131,28 +135,28 @@ def test_a_missing_shard_is_an_error_that_names_its_file(
 
 
 @pytest.mark.parametrize(
-    ("strategy", "shard", "told"),
+    ("strategy", "shard", "message"),
     [
         ("random", "9of3", "shard: a shard must be 1 to 3 of 3, got 9of3"),
         ("mixed", "1of3", "strategy: mixed learns from all tests"),
     ],
 )
 def test_a_shard_that_is_no_part_is_refused(
-    tmp_path: Path, strategy: str, shard: str, told: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, strategy: str, shard: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study = analytic_study(tmp_path, f"campaign.shards={COUNT}")
     assert study.run("shard", shard=shard, **key(strategy)) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_the_number_of_shards_makes_only_tracking_out_of_date() -> None:
-    one, many = (
+    first, many = (
         stamps(Jobs(compose("smoke", [f"campaign.shards={shards}"]), step_names()))
         for shards in (1, 16)
     )
     # Tracking records the whole config.
-    assert {job.step for job in one if one[job] != many[job]} == {"track"}
-    assert {job.step for job in many if job not in one} == {"shard"}
+    assert {job.step for job in first if first[job] != many[job]} == {"track"}
+    assert {job.step for job in many if job not in first} == {"shard"}
 
 
 def stamps(jobs: Jobs) -> dict[Target, str]:

@@ -70,11 +70,8 @@ def planned(folder: Path, *words: str) -> dict[str, int]:
     table = re.search(
         r"Job stats:\njob +count\n[- ]+\n(.*?)\ntotal", done.stdout + done.stderr, re.DOTALL
     )
-    return (
-        {}
-        if table is None
-        else {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
-    )
+    rows = [] if table is None else table[1].splitlines()
+    return {name: int(count) for name, count in map(str.split, rows)}
 
 
 def jobs_of(study: str, *overrides: str) -> Jobs:
@@ -120,17 +117,18 @@ def test_the_snakefile_lists_every_step() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         ("tests: eighty", "params.yaml: campaign.tests: expected a whole number"),
         ("tests: [40", "params.yaml, line"),
         (
             None,
-            "params.yaml: no such file in {folder}; make it with `python -m pipeline compose study=default`",
+            "params.yaml: no such file in {folder}; make it with `python -m pipeline compose "
+            "study=default`",
         ),
     ],
 )
-def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: Path) -> None:
+def test_an_error_in_params_is_one_line(wrong: str | None, message: str, tmp_path: Path) -> None:
     folder = copy(tmp_path, compose("smoke", ["campaign.tests=40"]))
     params = folder / "params.yaml"
     assert "tests: 40" in params.read_text()
@@ -140,7 +138,7 @@ def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: 
         params.write_text(params.read_text().replace("tests: 40", wrong))
     done = snakemake(folder, "-n")
     (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
-    assert done.returncode == 2 and line.startswith(f"error: {told.format(folder=folder)}")
+    assert done.returncode == 2 and line.startswith(f"error: {message.format(folder=folder)}")
 
 
 def test_the_command_line_of_snakemake_does_not_change_the_study(tmp_path: Path) -> None:
@@ -153,18 +151,20 @@ def test_the_command_line_of_snakemake_does_not_change_the_study(tmp_path: Path)
         (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
         assert done.returncode == 2
         assert line.startswith(
-            f"error: {words[0]} would change only a part of the study; type: python -m pipeline compose study=NAME"
+            f"error: {words[0]} would change only a part of the study; type: python -m pipeline "
+            "compose study=NAME"
         )
     # test-detector names a study by the file in the study's folder.
-    own = other.with_name("params.yaml")
-    other.rename(own)
-    assert planned(folder, "search", "--configfile", str(own))["campaign"] == 12
-    own.write_text(own.read_text() + "study: smoke\n")
-    done = snakemake(folder, "-n", "--configfile", str(own))
+    params_file = other.with_name("params.yaml")
+    other.rename(params_file)
+    assert planned(folder, "search", "--configfile", str(params_file))["campaign"] == 12
+    params_file.write_text(params_file.read_text() + "study: smoke\n")
+    done = snakemake(folder, "-n", "--configfile", str(params_file))
     (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
     assert done.returncode == 2
     assert re.match(
-        r"error: .*data/smoke/params\.yaml, line \d+: not valid YAML \(the key 'study' appears twice",
+        r"error: .*data/smoke/params\.yaml, line \d+: not valid YAML \(the key 'study' appears "
+        r"twice",
         line,
     )
 
@@ -246,8 +246,8 @@ def test_the_order_of_variables_counts_because_it_determines_the_tests() -> None
     plain["scenarios"]["F1"]["space"] = dict(reversed(plain["scenarios"]["F1"]["space"].items()))
     other = Config.model_validate_json(json.dumps(plain))
     first, second = (
-        Stamps(Jobs(one, step_names())).stamp("define_space", {"scenario": "F1"})
-        for one in (config, other)
+        Stamps(Jobs(variant, step_names())).stamp("define_space", {"scenario": "F1"})
+        for variant in (config, other)
     )
     assert first != second and config.space("F1") != other.space("F1")
 
@@ -302,7 +302,8 @@ def test_a_stale_job_takes_all_jobs_after_it_along(tmp_path: Path) -> None:
 
 
 def test_files_asked_for_by_name_may_have_any_reasons(tmp_path: Path) -> None:
-    """While it plans, Snakemake lists a folder once: a reason written into it later would be a missing input."""
+    """While it plans, Snakemake lists a folder once: a reason written into it later would be a
+    missing input."""
     folder = copy(tmp_path, compose("smoke", []))
     assert snakemake(folder, "spaces").returncode == 0
     changed = compose("smoke", ["scenarios.F1.label=one", "scenarios.F2.label=two"])
@@ -316,28 +317,31 @@ def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
     folder = copy(tmp_path, compose("smoke", []))
     assert snakemake(folder, "spaces").returncode == 0
 
-    def told() -> str:
+    def reasons_shown() -> str:
         done = snakemake(folder, "-n", "spaces")
-        found = re.findall(r"reason: (.*)", done.stdout + done.stderr)
-        return "\n".join(dict.fromkeys(line for line in found if ".snakemake/changed" in line))
+        reasons = re.findall(r"reason: (.*)", done.stdout + done.stderr)
+        return "\n".join(dict.fromkeys(line for line in reasons if ".snakemake/changed" in line))
 
     (folder / "params.yaml").write_text(
         dump(compose("smoke", ["scenarios.F2.label=another"]), "test")
     )
-    assert told() == "Updated input files: .snakemake/changed/define_space/F2/scenarios.F2.label"
+    assert (
+        reasons_shown()
+        == "Updated input files: .snakemake/changed/define_space/F2/scenarios.F2.label"
+    )
     (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))
     source = folder / "pipeline" / "steps" / "define_space.py"
     source.write_text(source.read_text() + "\n# changed\n")
-    of_code = told()
+    of_code = reasons_shown()
     assert all(
         f".snakemake/changed/define_space/{name}/pipeline_steps_define_space.py" in of_code
         for name in ("F1", "F1star", "F2")
     )
     (folder / "data/smoke/space/F1.json.stamp").unlink()
-    assert ".snakemake/changed/define_space/F1/no_stamp" in told()
+    assert ".snakemake/changed/define_space/F1/no_stamp" in reasons_shown()
     # The cache of parts is lost.
     shutil.rmtree(folder / ".cache/stamps")
-    assert ".snakemake/changed/define_space/F2/other_settings_or_code" in told()
+    assert ".snakemake/changed/define_space/F2/other_settings_or_code" in reasons_shown()
 
 
 def test_the_reason_of_a_later_job_is_the_key_that_changed_first(
@@ -377,16 +381,16 @@ def test_a_reason_never_replaces_the_file_that_it_names(
 
 @pytest.mark.parametrize("name", ["", ".", "..", "/", "../.."])
 def test_a_reason_without_a_readable_name_is_a_file_too(name: str) -> None:
-    assert staleness._file_name(name) == "an_input"
+    assert staleness.file_name(name) == "an_input"
 
 
 def test_every_page_and_plot_has_a_category_and_a_caption() -> None:
     """Of every study; and no caption is left over."""
     used = set()
     for study in STUDIES:
-        found = jobs_of(study)
+        jobs = jobs_of(study)
         paths = [
-            path for step in found.contracts.values() for path in flat(step.outputs(found.folders))
+            path for step in jobs.contracts.values() for path in flat(step.outputs(jobs.folders))
         ]
         used |= {entry(path) for path in paths if path.endswith((".html", ".png"))}
     for listed in used:
@@ -411,7 +415,7 @@ def test_snakemake_reports_with_captions_and_categories(tmp_path: Path) -> None:
 
 
 def test_what_was_made_for_other_settings_in_between_does_not_count(tmp_path: Path) -> None:
-    """As after `git checkout` and `dvc checkout`: Snakemake's own records name the other settings."""
+    """As after `git checkout` and `dvc checkout`: Snakemake's records name the other settings."""
     first, other = compose("smoke", []), compose("smoke", ["scenarios.F2.label=another"])
     folder = copy(tmp_path, first)
     assert snakemake(folder, "spaces").returncode == 0
@@ -463,14 +467,14 @@ def test_sources_follow_the_imports() -> None:
 
 def test_what_a_changed_key_makes_stale() -> None:
     def stamps(*overrides: str) -> dict[str, str]:
-        made = today(*overrides)
+        today_stamps = today(*overrides)
         held_out = {**CAMPAIGN, "kind": "held_out", "scenario": "F1star", "strategy": "pairwise"}
         jobs = {
             "search": ("campaign", CAMPAIGN),
             "held_out": ("campaign", held_out),
             "version": ("retrain", {"version": "adaptive"}),
         }
-        return {name: made.stamp(*job) for name, job in jobs.items()}
+        return {name: today_stamps.stamp(*job) for name, job in jobs.items()}
 
     first = stamps()
     # One more round or seed leaves the present versions unchanged; another first seed does not.
@@ -481,7 +485,7 @@ def test_what_a_changed_key_makes_stale() -> None:
         != first
     )
     assert stamps("retraining.iterations=7")["version"] != first["version"]
-    # The failure threshold concerns all executions; the size of the search does not concern the comparison.
+    # The failure threshold concerns all executions, the size of the search not the comparison.
     threshold, tests = stamps("campaign.failure_threshold_s=0.2"), stamps("campaign.tests=7")
     assert threshold["search"] != first["search"] and threshold["held_out"] != first["held_out"]
     assert tests["search"] != first["search"] and tests["held_out"] == first["held_out"]
@@ -505,10 +509,13 @@ def test_a_persons_changed_table_makes_the_filter_and_the_versions_that_learn_fr
 
     def stamps(row: str) -> dict[Target, str]:
         Path("mine.csv").write_text(f"test_id,step,keep\n{row}")
-        made = Stamps(
+        today_stamps = Stamps(
             Jobs(compose("default", []).model_copy(update={"filter": OVERRULED}), step_names())
         )
-        return {job: made.stamp(job.step, dict(job.wildcards)) for job, _ in made.jobs.in_order()}
+        return {
+            job: today_stamps.stamp(job.step, dict(job.wildcards))
+            for job, _ in today_stamps.jobs.in_order()
+        }
 
     first, other = stamps(""), stamps("F1-random-base-0-00001,0,false\n")
     changed = {job for job in first if first[job] != other[job]}
@@ -554,9 +561,9 @@ def test_a_changed_file_in_a_detectors_folder_makes_its_campaigns_again(
 
     def stamps(weights: str) -> set[str]:
         (mine / "model.safetensors").write_text(weights)
-        made = today("goal=detectors", f"+tested.mine={mine}")
+        today_stamps = today("goal=detectors", f"+tested.mine={mine}")
         return {
-            made.stamp("campaign", {**CAMPAIGN, "version": "mine", "seed": seed})
+            today_stamps.stamp("campaign", {**CAMPAIGN, "version": "mine", "seed": seed})
             for seed in ("0", "1")
         }
 
@@ -567,8 +574,8 @@ def test_a_changed_file_in_a_detectors_folder_makes_its_campaigns_again(
 
 def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
     study = Plan(jobs_of("default"), Path("data/mine/params.yaml"))
-    told: list[list[str]] = []
-    monkeypatch.setattr(subprocess, "run", lambda command, **_: told.append(command))
+    calls: list[list[str]] = []
+    monkeypatch.setattr(subprocess, "run", lambda command, **_: calls.append(command))
     for part in (
         {"targets": {"search"}},
         {"targets": {study.jobs.folders.goals[0]}},
@@ -576,21 +583,22 @@ def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) ->
         {"omit_from": {"report"}},
     ):
         study.finish(DAGSettings(**{name: frozenset(values) for name, values in part.items()}))
-    assert not told
+    assert not calls
     for whole in ((), ("all",), study.jobs.folders.goals, ("track",)):
         study.finish(DAGSettings(targets=list(whole)))  # As Snakemake's command line passes them.
-    assert [command[3:] for command in told] == [
+    assert [command[3:] for command in calls] == [
         ["verdict", "--params", "data/mine/params.yaml"]
     ] * 4
     monkeypatch.setenv("BLINDSPOT_VERDICT_FOLLOWS", "1")
     study.finish(DAGSettings())
-    assert len(told) == 4
+    assert len(calls) == 4
 
 
 def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
     with pytest.raises(
         InputError,
-        match=r"^campaign\.keep_every must be at least 1, got 0: no frame would be left to train on$",
+        match=r"^campaign\.keep_every must be at least 1, got 0: "
+        r"no frame would be left to train on$",
     ):
         jobs_of("default", "campaign.keep_every=0")
 
@@ -601,7 +609,7 @@ def test_a_cache_that_cannot_be_written_stops_nothing(
     paths = sources.sources("pipeline.errors")
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".cache").symlink_to("/nowhere/cache")
-    monkeypatch.setattr(sources, "_known", dict)
+    monkeypatch.setattr(sources, "stored_digests", dict)
     assert list(sources.source_digests.__wrapped__("pipeline.errors")) == list(paths)
     remember("a digest", {"a part": "another"})
 
@@ -611,7 +619,7 @@ def test_no_sign_in_a_text_hides_code() -> None:
     text = "'''A module.'''\n" + code.replace("1", "1  # Why.").replace(
         "z = 2", "z = 2\n'''Of z.'''"
     )
-    assert sources._code("module.py", text.encode()).decode() == code
+    assert sources.code_of("module.py", text.encode()).decode() == code
 
 
 def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstring(
@@ -620,7 +628,7 @@ def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstrin
     folder = copy(tmp_path, compose("smoke", []))
 
     def digests() -> dict[str, str]:
-        for stored in (sources.code_digest, sources.source_digests, sources._known):
+        for stored in (sources.code_digest, sources.source_digests, sources.stored_digests):
             stored.cache_clear()
         return {step: sources.code_digest(f"pipeline.steps.{step}") for step in step_names()}
 
@@ -661,7 +669,7 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     ]
     frames = folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
     assert "data/smoke/retrained/campaigns/F2/mixed/adaptive-s4/0/frames.parquet" in frames
-    own = jobs_of(
+    own_searches = jobs_of(
         "smoke",
         "retraining.rounds=2",
         "seeds=[0,4]",
@@ -670,12 +678,12 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     )
     root, alone = (
         "data/smoke/retrained/campaigns",
-        own.folders.added("adaptive-r2-s4", "adaptive", "frames.parquet"),
+        own_searches.folders.added("adaptive-r2-s4", "adaptive", "frames.parquet"),
     )
     assert {path.split("/")[-2] for path in alone} == {
         "4"
     } and f"{root}/F2/mixed/adaptive-s4/4/frames.parquet" in alone
-    assert [path.split("/")[-3:-1] for path in own.folders.later_searches[:2]] == [
+    assert [path.split("/")[-3:-1] for path in own_searches.folders.later_searches[:2]] == [
         ["random", "0"],
         ["random", "0"],
     ]

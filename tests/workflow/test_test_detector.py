@@ -16,7 +16,7 @@ from pipeline.artefacts.results import read
 from pipeline.artefacts.search_results import Measures
 from pipeline.commands import test_detector
 from pipeline.config.composing import compose
-from pipeline.contract import REFUSED
+from pipeline.contract import REJECTED
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors.yolo.export import export_version
@@ -53,7 +53,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 class Doubtful:
-    """Boxes the pedestrian with less confidence than it deserves: of the boxes with score 0.3, nine in ten are right."""
+    """Boxes the pedestrian with less confidence than it deserves: of the boxes with score 0.3, nine
+    in ten are right."""
 
     def __init__(
         self,
@@ -74,8 +75,8 @@ class Doubtful:
         if score < self._threshold:
             return Detections.none()
         height, width = frame.image.shape[:2]
-        found = box if right else (0.0, 0.0, width / 8, height / 8)
-        return Detections(np.array([found], np.float32), np.array([score], np.float32))
+        detected = box if right else (0.0, 0.0, width / 8, height / 8)
+        return Detections(np.array([detected], np.float32), np.array([score], np.float32))
 
 
 class Tires(Doubtful):
@@ -96,12 +97,12 @@ def test_a_job_that_refuses_its_input_ends_the_run_with_2(
     (folder / "mine.bin").write_text("mine")
     named = ["simulator=analytic", f"detector._target_={__name__}.Tires", "base_set.images=40"]
     assert main(["test-detector", "mine.bin", *SMALL, *named, "--calibrate"]) == 2
-    said = capfd.readouterr().err
+    printed = capfd.readouterr().err
     assert (
-        "fails on validation image 11: Tires.detect failed: RuntimeError: no more" in said
-        and "Traceback" not in said
+        "fails on validation image 11: Tires.detect failed: RuntimeError: no more" in printed
+        and "Traceback" not in printed
     )
-    assert (folder / REFUSED).exists()
+    assert (folder / REJECTED).exists()
 
 
 def test_a_detector_is_calibrated_before_it_is_tested(
@@ -118,20 +119,24 @@ def test_a_detector_is_calibrated_before_it_is_tested(
     assert main(words) == 0
     text = capsys.readouterr().out
     (root,) = (folder / "data").iterdir()
-    found = read(root / "calibration/mine_bin.json", DetectorCalibration)
-    assert found.fitted and found.images == 150 and 0 < found.right < found.detections
+    calibration = read(root / "calibration/mine_bin.json", DetectorCalibration)
+    assert (
+        calibration.fitted
+        and calibration.images == 150
+        and 0 < calibration.right < calibration.detections
+    )
     # The share of right boxes is 0.9 among those with score 0.3.
     assert (
-        found.scaling.apply(0.3) > 0.7
-        and found.errors["calibrated"] < found.errors["uncalibrated"] / 2
+        calibration.scaling.apply(0.3) > 0.7
+        and calibration.errors["calibrated"] < calibration.errors["uncalibrated"] / 2
     )
     assert "mine_bin is calibrated on 150 images: expected calibration error" in text
     page = (root / "reports/mine_bin.html").read_text()
     assert ">Calibration<" in page and "mine_bin, before and after calibration" in page
     # Called again, nothing is made again.
-    made = {path: path.stat().st_mtime_ns for path in root.rglob("*.json")}
+    times = {path: path.stat().st_mtime_ns for path in root.rglob("*.json")}
     assert main(words) == 0
-    assert made == {path: path.stat().st_mtime_ns for path in root.rglob("*.json")}
+    assert times == {path: path.stat().st_mtime_ns for path in root.rglob("*.json")}
 
 
 def test_two_detectors_are_tested_compared_and_shown(
@@ -172,16 +177,16 @@ def test_two_detectors_are_tested_compared_and_shown(
         assert "Failures found" in page and "Coverage of the scenario space" in page
         assert "Single-image detection" not in page, "nothing was trained"
     assert main(["verdict", "--params", str(root / "params.yaml")]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert (
-        said.startswith("Held out: F1*; the same tests for every version")
-        and f"Next: open data/{root.name}/reports/ours.html" in said
+        printed.startswith("Held out: F1*; the same tests for every version")
+        and f"Next: open data/{root.name}/reports/ours.html" in printed
     )
     # Called again, nothing is executed again.
     table = root / "campaigns/F1/random/ours/0/tests.parquet"
-    made = table.stat().st_mtime_ns
+    times = table.stat().st_mtime_ns
     assert main(words) == 0
-    assert table.stat().st_mtime_ns == made and "failure rate" in capsys.readouterr().out
+    assert table.stat().st_mtime_ns == times and "failure rate" in capsys.readouterr().out
 
 
 def test_weights_without_a_card_are_refused(
@@ -192,7 +197,8 @@ def test_weights_without_a_card_are_refused(
     assert "model.json: expected a readable file" in capsys.readouterr().err
     with pytest.raises(
         InputError,
-        match=r"^tested\.best: expected the card of these weights beside them, found no model\.json$",
+        match=r"^tested\.best: expected the card of these weights beside them, found no "
+        r"model\.json$",
     ):
         compose("default", ["goal=detectors", "+tested.best=best.safetensors"])
 
@@ -210,8 +216,8 @@ def test_weights_that_learnt_from_the_held_out_town_are_refused(
     )
     assert main(["test-detector", "mine/weights.safetensors", *ANALYTIC]) == 2
     assert (
-        "version 'mine' was trained on the town of held-out F1star, so its failures there prove nothing"
-        in capfd.readouterr().err
+        "version 'mine' was trained on the town of held-out F1star, so its failures there prove "
+        "nothing" in capfd.readouterr().err
     )
 
 
@@ -244,7 +250,8 @@ def test_detectors_of_one_name_are_told_apart_by_content(tmp_path: Path) -> None
     assert list(together.tested) == ["best_7692", "best_ae44"]
     with pytest.raises(
         InputError,
-        match=r"^expected different detectors, got .*best\.onnx, .*best\.onnx with the same content$",
+        match=r"^expected different detectors, got .*best\.onnx, .*best\.onnx with the same "
+        r"content$",
     ):
         test_detector.study_of([models[0], models[0]], chosen)
 

@@ -30,21 +30,21 @@ def test_a_shipped_base_is_calibrated_on_the_same_images_as_the_other_versions(
         tmp_path, "smoke", ["base_set.images=80", "base_set.validation_share=0.75"]
     )
     assert study.run("render-base") == 0 and study.run("train") == 0
-    validation, made, shipped = (
+    validation, trained, shipped = (
         read_dataset(study / "base_set", "val"),
         study / "models/base",
         ROOT / "models/uniform",
     )
     export_onnx(
-        tmp_path / "plain.onnx", load_weights(made / "weights.safetensors"), validation.size
+        tmp_path / "plain.onnx", load_weights(trained / "weights.safetensors"), validation.size
     )
     expected = calibrate(
         detect_all(tmp_path / "plain.onnx", validation, lambda *_: None), validation
     )
-    found = read_card(made / "model.json")
-    assert found.calibration == pytest.approx({"slope": expected.slope, "offset": expected.offset})
-    assert found.calibration != read_card(shipped / "model.json").calibration
-    assert found.weights_sha256 == read_card(shipped / "model.json").weights_sha256
+    card = read_card(trained / "model.json")
+    assert card.calibration == pytest.approx({"slope": expected.slope, "offset": expected.offset})
+    assert card.calibration != read_card(shipped / "model.json").calibration
+    assert card.weights_sha256 == read_card(shipped / "model.json").weights_sha256
 
 
 def test_a_version_is_measured_with_its_calibrated_scores(
