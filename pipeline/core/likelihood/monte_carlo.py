@@ -13,10 +13,14 @@ from pipeline.core.space import Floats
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class MonteCarlo(Estimator):
-    """Draws independent tests of the exposure; their failures are binomial, so the interval is exact.
+    """Draws independent tests of the exposure.
 
-    below: a limit of the rate, in (0, 1). With it, the tests stop as soon as the rate is known to be below or above it, and the interval
-    allows for the check after every batch.
+    Their failures are binomial, so the interval is exact.
+
+    Args:
+        below: a limit of the rate, in (0, 1). With it, the tests stop as soon as the rate is
+            certainly below or above it, and the interval allows for the check after every batch.
+            The other parameters are those of `Estimator`.
     """
 
     below: float | None = None

@@ -11,18 +11,27 @@ import numpy as np
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.forest import ForestSampler
 from pipeline.core.samplers.untested import fill, untested
-from pipeline.core.space import Floats, Space
+from pipeline.core.space import Floats
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class MixedSampler(BatchSampler):
-    """Fills a share of each batch with random tests and leaves the rest to forest-guided testing, which learns from both.
+    """Fills a share of each batch with random tests; forest-guided testing fills the rest.
 
-    A detector trained on failures alone forgets what it knew, because failures crowd in darkness, rain and fog. Random tests show it the
-    rest of the space, like a defensive mixture in importance sampling (Owen and Zhou, 2000).
+    The forest learns from both. A detector trained on failures alone forgets what it has learnt,
+    because failures crowd in darkness, rain and fog. Random tests show it the rest of the space,
+    like a defensive mixture in importance sampling (Owen and Zhou, 2000).
 
-    uniform: share of random tests, in [0, 1]; they come first in each batch. attributes: whether the forest knows the attributes of
-    categories, such as a person's height. failure_threshold_s, earlier: as in `ForestSampler`.
+    Args:
+        space, seed, batch_size: as for `BatchSampler`.
+        uniform: share of random tests, in [0, 1]; they come first in each batch.
+        attributes: whether the forest uses the attributes of categories, such as a person's
+            height.
+        failure_threshold_s: as for `ForestSampler`.
+        earlier: as for `ForestSampler`.
+
+    Raises:
+        ValueError: if a parameter is out of range.
     """
 
     uniform: float = 0.5
@@ -40,13 +49,8 @@ class MixedSampler(BatchSampler):
         if self._random == self.batch_size:
             return drawn
         guided = self._guide._choose(index, points, kpi, rng)
-        return fill(
-            self.space,
-            np.concatenate([drawn, guided[untested(guided, drawn)]]),
-            points,
-            self.batch_size,
-            rng,
-        )
+        chosen = np.concatenate([drawn, guided[untested(guided, drawn)]])
+        return fill(self.space, chosen, points, self.batch_size, rng)
 
     @property
     def _random(self) -> int:
@@ -54,8 +58,12 @@ class MixedSampler(BatchSampler):
 
     @cached_property
     def _guide(self) -> ForestSampler:
-        space = self.space if self.attributes else _without_attributes(self.space)
-        # Settings with which the published versions searched. Whether the forest's newer defaults teach more was not measured.
+        space = self.space
+        if not self.attributes:
+            plain = [replace(variable, attributes=()) for variable in space.variables]
+            space = replace(space, variables=tuple(plain))
+        # Settings with which the published versions searched. Whether the forest's newer defaults
+        # teach more was not measured.
         return ForestSampler(
             space,
             self.seed,
@@ -71,9 +79,3 @@ class MixedSampler(BatchSampler):
             failure_threshold_s=self.failure_threshold_s,
             earlier=self.earlier,
         )
-
-
-def _without_attributes(space: Space) -> Space:
-    return replace(
-        space, variables=tuple(replace(variable, attributes=()) for variable in space.variables)
-    )
