@@ -58,7 +58,8 @@ def verify(
     (((0, 1), (1, 0)),)
     """
     listed = [tuple(int(category) for category in row) for row in rows]
-    broken, feasible = [], []
+    broken: list[tuple[int, int]] = []
+    feasible = []
     for i, row in enumerate(listed):
         before = len(broken)
         for j, clause in enumerate(constraints.clauses):
