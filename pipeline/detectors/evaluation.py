@@ -10,6 +10,7 @@ from faster_coco_eval import COCO, COCOeval_faster
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet
+from pipeline.core.boxes import Box
 from pipeline.core.detections import Detections
 from pipeline.core.matching import Matching, match
 from pipeline.core.reliability import Calibration, platt
@@ -71,9 +72,12 @@ def truths_of(images: ImageSet) -> list[Truth]:
     for visible, whole, pixels, contrast in zip(
         images.boxes, images.whole_boxes, images.visible_pixels, images.contrast, strict=True
     ):
-        # A box without a width stands for none.
-        boxes = [tuple(map(float, box)) if box[2] > box[0] else None for box in (visible, whole)]
-        truths.append(Truth(*boxes, visible_pixels=int(pixels), contrast=float(contrast)))
+        boxes: list[Box | None] = []
+        for left, top, right, bottom in (visible.tolist(), whole.tolist()):
+            # A box without a width stands for none.
+            boxes.append((left, top, right, bottom) if right > left else None)
+        truth = Truth(boxes[0], boxes[1], visible_pixels=int(pixels), contrast=float(contrast))
+        truths.append(truth)
     return truths
 
 

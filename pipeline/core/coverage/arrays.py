@@ -146,9 +146,9 @@ def covering_array(
     else:
         limit = _limit(effort.polish_s, effort, started, bound)
         rows = search.polish(search.start(lambda: limit.spent() < limit.seconds), bound, limit)
-    rows = rows[:, : len(sizes)].astype(np.int64)
+    categories = rows[:, : len(sizes)].astype(np.int64)
     cells = int(search.problem.required.sum())
-    return CoveringArray(rows, mixed.strength, cells, min(bound, len(rows)))
+    return CoveringArray(categories, mixed.strength, cells, min(bound, len(rows)))
 
 
 def _limit(seconds: float, effort: Effort, started: float, bound: int) -> Limit:

@@ -114,7 +114,7 @@ class CellCounts:
             self._add_by_bits(rows, by_bits)
         if not by_bits.all():
             columns, sizes = np.ascontiguousarray(rows.T), np.asarray(self.sizes, dtype=np.int64)
-            for index in np.flatnonzero(~by_bits):
+            for index in np.flatnonzero(~by_bits).tolist():
                 cells = self.flat[self._bounds[index] : self._bounds[index + 1]]
                 _histogram(columns, sizes, self.planes[index], cells)
 
@@ -131,7 +131,7 @@ class CellCounts:
             _pairs(bits, cells)
             return
         subsets = np.array(list(combinations(range(len(sizes)), 2)), dtype=np.int64)
-        pairs = _cells(np.prod(sizes[subsets], axis=1), used[subsets].all(axis=1))
+        pairs = _cells(np.prod(sizes[subsets], axis=1), np.all(used[subsets], axis=1))
         _pairs(bits, pairs)
         # Last categories are left out, and so are triples that are not wanted.
         inner = _cells(np.prod(sizes[self.planes] - 1, axis=1) * by_bits, by_bits)

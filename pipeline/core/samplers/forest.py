@@ -111,11 +111,7 @@ class ForestSampler(BatchSampler):
             raise ValueError(f"votes must be in [1, trees], [1, {self.trees}], got {self.votes}")
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
-        valid = ~np.isnan(kpi)
-        lessons = [(*campaign, ~np.isnan(campaign[1])) for campaign in self.earlier]
-        lessons.append((points, kpi, valid))
-        inputs = [self._inputs(tests[kept], i) for i, (tests, _, kept) in enumerate(lessons)]
-        observed = np.concatenate([values[kept] for _, values, kept in lessons])
+        inputs, observed = self._lessons(points, kpi)
         if not len(observed) or (observed == observed[0]).all():
             tested = self.space.categorise(points)
             covering = propose_categories(self.space, 2, tested, self.batch_size, rng)
@@ -125,13 +121,29 @@ class ForestSampler(BatchSampler):
         candidates = self._candidate_set(points, kpi, rng)
         if len(candidates) < self.batch_size:
             return fill(self.space, candidates, points, self.batch_size, rng)
-        learnt, failed = np.concatenate(inputs), kpi <= self.failure_threshold_s
-        trees = tree_chances(learnt, observed <= self.failure_threshold_s, self.trees, rng)
-        linear = linear_chances(learnt, observed, self.failure_threshold_s)
-        candidates, votes = self._refined(
-            candidates, points, failed, lambda others: joined(trees(others), linear(others)), rng
-        )
+        failed = kpi <= self.failure_threshold_s
+        votes_of = self._learn(inputs, observed, rng)
+        candidates, votes = self._refined(candidates, points, failed, votes_of, rng)
         return candidates[self._pick(candidates, votes, points, failed, rng)]
+
+    def _lessons(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats]:
+        """Inputs (n, f) and KPI (n,) of tests without an error, those of earlier campaigns first."""
+        inputs, observed = [], []
+        for campaign, (tests, values) in enumerate([*self.earlier, (points, kpi)]):
+            valid = ~np.isnan(values)
+            inputs.append(self._inputs(tests[valid], campaign))
+            observed.append(values[valid])
+        return np.concatenate(inputs), np.concatenate(observed)
+
+    def _learn(self, inputs: Floats, kpi: Floats, rng: np.random.Generator) -> Chances:
+        """The failure probability by each tree, joined with the linear model's, (trees, m)."""
+        trees = tree_chances(inputs, kpi <= self.failure_threshold_s, self.trees, rng)
+        linear = self._linear(inputs, kpi)
+        return lambda others: joined(trees(others), linear(others))
+
+    def _linear(self, inputs: Floats, kpi: Floats) -> Chances:
+        """The probability (m,) that the KPI is at or below the threshold, by a linear model."""
+        return linear_chances(inputs, kpi, self.failure_threshold_s)
 
     def _inputs(self, points: Floats, campaign: int) -> Floats:
         """The models' inputs (n, f): features and, with earlier campaigns, the campaign one-hot."""

@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from pipeline.detectors.yolo.network import ConvUnit
 
-
 Fold = Callable[..., tuple[Tensor, ...]]
 
 
