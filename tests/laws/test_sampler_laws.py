@@ -248,7 +248,10 @@ def test_a_mixture_searches_with_the_settings_of_the_published_versions_and_all_
     None
 ):
     told = SMALL.sample(20, np.random.default_rng(7))
-    guide = MixedSampler(SMALL, 5, failure_threshold_s=0.3, earlier=[(told, kpi_of(told))])._guide
+    campaigns = [(told, kpi_of(told))]
+    mixed = strategies()["mixed"](SMALL, 5, failure_threshold_s=0.3, earlier=campaigns)
+    assert isinstance(mixed, MixedSampler)
+    guide = mixed._guide
     assert (guide.seed, guide.batch_size, guide.failure_threshold_s, len(guide.earlier)) == (
         5,
         10,

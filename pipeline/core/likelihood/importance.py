@@ -40,11 +40,11 @@ class ImportanceSampling(Estimator):
     The interval has the variance of the weights and that of the pools. If the weights of the
     failures are worth fewer than 20 equal ones, the interval is that of `bounded`, which holds
     whatever weights unseen failures have. If half of the budget shows fewer failures, all tests are
-    random and the interval is that of `exact`.
+    random and the interval is that of `exact`. The other parameters are those of `Estimator`.
 
     Args:
         pool: points of a pool.
-        trees: trees of the meta-model. The other parameters are those of `Estimator`.
+        trees: trees of the meta-model.
     """
 
     pool: int = 20_000

@@ -15,12 +15,12 @@ from pipeline.core.space import Floats
 class MonteCarlo(Estimator):
     """Draws independent tests of the exposure.
 
-    Their failures are binomial, so the interval is exact.
+    Their failures are binomial, so the interval is exact. The other parameters are those of
+    `Estimator`.
 
     Args:
         below: a limit of the rate, in (0, 1). With it, the tests stop as soon as the rate is
             certainly below or above it, and the interval allows for the check after every batch.
-            The other parameters are those of `Estimator`.
     """
 
     below: float | None = None

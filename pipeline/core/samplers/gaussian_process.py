@@ -21,11 +21,12 @@ class GaussianProcessSampler(MetaModelSampler):
     variance of an observation.
 
     The prediction of Algorithm 2 is the mean (section 4.4.3). The thesis does not use the deviation
-    in the search; `kappa` does.
+    in the search; `kappa` does. The search and its other parameters are those of
+    `MetaModelSampler`.
 
     Args:
         kappa: standard deviations to subtract from the mean, in [0, 100]; above 0, uncertain
-            candidates are tested sooner. The other parameters are those of `MetaModelSampler`.
+            candidates are tested sooner.
     """
 
     grid: ClassVar[tuple[Hyperparameters, ...]] = tuple(
