@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
+import re
 import sys
 import textwrap
 from pathlib import Path
@@ -54,6 +55,9 @@ Each is a file in `conf/`; all but cameras name a class and set its parameters. 
 file does not name, put a plus before it: `+samplers.forest.explore=0.3`.
 """
 LINE = 120
+SECTION = re.compile(r"\n+(?:(?:Args|Raises):|>>> )")
+ARGUMENTS = re.compile(r"^Args:\n((?: {4}.*\n?)+)", re.MULTILINE)
+ARGUMENT = re.compile(r"^ {4}(\w[\w, ]*): (.*\n?(?: {8}.*\n?)*)", re.MULTILINE)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,17 +105,30 @@ def choices(group: str, prefix: str) -> list[str]:
     for path in sorted((CONF / group).glob("*.yaml")):
         body = yaml.safe_load(path.read_text())
         described = get_class(body["_target_"])
-        taken = [
-            p for p in inspect.signature(described).parameters.values() if p.name not in PASSED
-        ]
-        keys = [
-            line
-            for p in taken
-            for line in item(f"{prefix.format(path.stem)}{p.name}", body.get(p.name, p.default))
-        ]
-        lines += [f"### {group}: {path.stem}", "", inspect.getdoc(described) or "", ""]
+        text, meanings = documented(described)
+        keys = []
+        for name, parameter in inspect.signature(described).parameters.items():
+            if name not in PASSED:
+                value = body.get(name, parameter.default)
+                keys += item(f"{prefix.format(path.stem)}{name}", value, "", meanings.get(name, ""))
+        lines += [f"### {group}: {path.stem}", "", text, ""]
         lines += [*(keys or ["No parameters."]), ""]
     return lines
+
+
+def documented(described: type) -> tuple[str, dict[str, str]]:
+    """The docstring of a class without its sections, and the meaning of each argument.
+
+    Arguments that the class inherits have the meaning that a base class gives.
+    """
+    meanings: dict[str, str] = {}
+    for base in reversed(described.__mro__):
+        arguments_ = ARGUMENTS.search(inspect.cleandoc(vars(base).get("__doc__") or ""))
+        for names, meaning in ARGUMENT.findall(arguments_[1] if arguments_ else ""):
+            for name in names.split(", "):
+                if name not in meanings or not meaning.startswith("as for"):
+                    meanings[name] = meaning
+    return SECTION.split(inspect.getdoc(described) or "")[0], meanings
 
 
 def cameras() -> list[str]:
