@@ -175,18 +175,22 @@ def _lines(planes: Int32s, first: Ints, stride: Int32s, columns: tuple[int, int]
     return Lines(base, step, other, other_step)
 
 
-def feasible_row(
-    constraints: Constraints, columns: Int32s, categories: Int32s, rng: np.random.Generator
+def feasible_rows(
+    problem: Problem, constraints: Constraints, cells: Ints, rng: np.random.Generator
 ) -> Int32s:
-    """A random feasible row with these categories in these columns; one must exist."""
-    if not constraints.clauses:
-        row: Int32s = rng.integers(0, constraints.sizes).astype(np.int32)
-        row[columns] = categories
-        return row
-    fixed = dict(zip(columns.tolist(), categories.tolist(), strict=True))
-    completed = constraints.complete(fixed, rng)
-    assert completed is not None, "a feasible cell has a feasible row"
-    return np.array(completed, np.int32)
+    """A random feasible row in each of some feasible cells, (cells, n)."""
+    rows = np.empty((len(cells), len(constraints.sizes)), np.int32)
+    for row, number in zip(rows, cells.tolist(), strict=True):
+        columns, categories = problem.cell(number)
+        if constraints.clauses:
+            fixed = dict(zip(columns.tolist(), categories.tolist(), strict=True))
+            completed = constraints.complete(fixed, rng)
+            assert completed is not None, "a feasible cell has a feasible row"
+            row[:] = completed
+        else:
+            row[:] = rng.integers(0, constraints.sizes)
+            row[columns] = categories
+    return rows
 
 
 def _clauses(columns: int, constraints: Constraints) -> Clauses:

@@ -16,7 +16,7 @@ from pipeline.core.coverage.completion import Completion, Task, bound_of_part, w
 from pipeline.core.coverage.grid import Int32s
 from pipeline.core.coverage.mixed import STRONGEST, all_planes, copy_for
 from pipeline.core.coverage.optimum import best_points
-from pipeline.core.coverage.problem import INFEASIBLE, feasible_row, lay_out
+from pipeline.core.coverage.problem import INFEASIBLE, feasible_rows, lay_out
 from pipeline.core.coverage.projection import Demand, check_points
 from pipeline.core.variable import Ints
 
@@ -237,13 +237,11 @@ class Proposer:
     def _best(self, missing: Ints) -> Int32s:
         """The best single row of several coordinate ascents."""
         cells = np.flatnonzero(missing)
-        starts = []
-        for cell in cells[self._rng.integers(len(cells), size=STARTS)]:
-            columns, categories = self._problem.cell(int(cell))
-            starts.append(feasible_row(self._constraints, columns, categories, self._rng))
+        cells = cells[self._rng.integers(len(cells), size=STARTS)]
+        starts = feasible_rows(self._problem, self._constraints, cells, self._rng)
         held = np.zeros(len(self._problem.sizes), np.bool_)
         worth, seed = self._worth(missing), int(self._rng.integers(2**31))
-        return self._problem.best_row(np.array(starts), worth, held, SWEEPS, seed)
+        return self._problem.best_row(starts, worth, held, SWEEPS, seed)
 
     def _changed_together(self, missing: Ints, rows: Int32s) -> Int32s:
         """The rows after annealing, which covers more of the missing cells if it can."""

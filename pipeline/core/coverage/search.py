@@ -12,7 +12,7 @@ from pipeline.core.coverage.bounds import lower_bound
 from pipeline.core.coverage.constructions import FREE, cyclic, doubled, factorial, orthogonal
 from pipeline.core.coverage.grid import Int32s
 from pipeline.core.coverage.hash_families import from_hash_family
-from pipeline.core.coverage.problem import Problem, feasible_row, of_strength
+from pipeline.core.coverage.problem import Problem, feasible_rows, of_strength
 from pipeline.core.coverage.symmetric import SymmetricSearch
 
 CANDIDATES = 16
@@ -144,20 +144,16 @@ class Search:
         for row in start:
             held, full = row != FREE, row.copy()
             if not held.all():
-                starts = [
-                    np.where(held, row, self._rng.integers(0, problem.sizes)) for _ in range(2)
-                ]
-                full = self._ascend(np.array(starts, np.int32), counts, held)
+                draws = self._rng.integers(0, problem.sizes, (2, len(row)))
+                full = self._ascend(np.where(held, row, draws).astype(np.int32), counts, held)
             problem.count(full[None], counts)
             rows.append(full)
         nothing_held = np.zeros(len(problem.sizes), np.bool_)
         while len(uncovered := np.flatnonzero(counts == 0)):
             self._covering(1 - len(uncovered) / len(counts), len(rows))
-            starts = []
-            for cell in uncovered[self._rng.integers(len(uncovered), size=CANDIDATES)]:
-                columns, categories = problem.cell(int(cell))
-                starts.append(feasible_row(self._constraints, columns, categories, self._rng))
-            full = self._ascend(np.array(starts), counts, nothing_held)
+            cells = uncovered[self._rng.integers(len(uncovered), size=CANDIDATES)]
+            starts = feasible_rows(problem, self._constraints, cells, self._rng)
+            full = self._ascend(starts, counts, nothing_held)
             problem.count(full[None], counts)
             rows.append(full)
         return np.array(rows, np.int32).reshape(-1, len(problem.sizes))

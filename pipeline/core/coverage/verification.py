@@ -63,7 +63,8 @@ def verify(
     for i, row in enumerate(listed):
         before = len(broken)
         for j, clause in enumerate(constraints.clauses):
-            if not any((row[x.variable] == x.category) == x.equal for x in clause):
+            satisfied = {(row[x.variable] == x.category) == x.equal for x in clause}
+            if True not in satisfied:
                 broken.append((i, j))
         if len(broken) == before:
             feasible.append(row)

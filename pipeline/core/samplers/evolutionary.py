@@ -66,7 +66,8 @@ class EvolutionarySampler(BatchSampler):
         finite = np.isfinite(kpi)
         seen, values = points[finite], kpi[finite]
         chosen = np.zeros((0, len(self.space)))
-        changeable = np.array([_can_change(variable) for variable in self.space.variables], float)
+        single = [v.kind == "categorical" and v.size == 1 for v in self.space.variables]
+        changeable = 1.0 - np.array(single, float)
         if len(points) >= self.initial and len(seen) and changeable.any():
             # The lowest KPI first, the newest first among equals; then random parents.
             order = np.lexsort([-np.arange(len(values)), values])
@@ -130,10 +131,6 @@ def impacts(points: Floats, kpi: Floats) -> Floats:
             impact[j] = deviation[alike].mean()
     finite = np.isfinite(impact)
     return np.where(finite, impact, impact[finite].mean() if finite.any() else 0.0)
-
-
-def _can_change(variable: Variable) -> bool:
-    return variable.kind != "categorical" or variable.size > 1
 
 
 def _moved(variable: Variable, values: Floats, steps: Floats, draws: Floats) -> Floats:

@@ -127,7 +127,7 @@ class ForestSampler(BatchSampler):
         return candidates[self._pick(candidates, votes, points, failed, rng)]
 
     def _lessons(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats]:
-        """Inputs (n, f) and KPI (n,) of tests without an error, those of earlier campaigns first."""
+        """Inputs (n, f) and KPI (n,) of tests without an error, earlier campaigns first."""
         inputs, observed = [], []
         for campaign, (tests, values) in enumerate([*self.earlier, (points, kpi)]):
             valid = ~np.isnan(values)
