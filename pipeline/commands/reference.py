@@ -102,10 +102,14 @@ def choices(group: str, prefix: str) -> list[str]:
     from hydra.utils import get_class
 
     lines = []
+    sections: dict[type, str] = {}
     for path in sorted((CONF / group).glob("*.yaml")):
         body = yaml.safe_load(path.read_text())
         described = get_class(body["_target_"])
         text, meanings = documented(described)
+        first = sections.setdefault(described, path.stem)
+        if first != path.stem:
+            text, meanings = f"As `{first}`, with other values.", {}
         keys = []
         for name, parameter in inspect.signature(described).parameters.items():
             if name not in PASSED:
