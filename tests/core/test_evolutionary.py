@@ -15,11 +15,11 @@ nan = np.nan
 
 
 def sampler_after(
-    kpi: Floats, space: Space = SMALL, **settings: float
+    kpi: Floats, space: Space = SMALL, **settings: Any
 ) -> tuple[EvolutionarySampler, Floats]:
     """A sampler after its first batch, which has these KPIs."""
-    sizes: dict[str, Any] = {"batch_size": len(kpi), "initial": len(kpi)}
-    sampler = EvolutionarySampler(space, 0, **sizes, **settings)
+    size = len(kpi)
+    sampler = EvolutionarySampler(space, 0, batch_size=size, initial=size, **settings)
     points = sampler.ask()
     sampler.tell(points, kpi)
     return sampler, points

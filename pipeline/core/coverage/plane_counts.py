@@ -17,10 +17,13 @@ class PlaneCounts:
     Args:
         sizes: number of categories of each of the d variables.
         mixed: the planes.
+
+    Attributes:
+        points: number of points so far.
     """
 
     def __init__(self, sizes: Sequence[int], mixed: Mixed) -> None:
-        self._planes = all_planes(len(sizes), mixed)
+        self.points, self._planes = 0, all_planes(len(sizes), mixed)
         parts = [(tuple(range(len(sizes))), mixed.strength)]
         parts += [(named.variables, named.strength) for named in mixed.extras.planes]
         for plane, wanted in self._planes.items():
@@ -31,17 +34,13 @@ class PlaneCounts:
             counts = CellCounts([sizes[v] for v in variables], strength)
             self._parts.append((list(variables), counts))
 
-    @property
-    def points(self) -> int:
-        """Number of points so far."""
-        return self._parts[0][1].points
-
     def add(self, categories: Ints) -> None:
         """Add points to the counts.
 
         Args:
             categories: (n, d) category indices in range, or -1 for unknown, which is in no cell.
         """
+        self.points += len(categories)
         for variables, counts in self._parts:
             counts.add(categories[:, variables])
 
