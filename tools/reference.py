@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
+import re
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -64,6 +65,9 @@ Each is a file in `conf/`; all but cameras name a class and set its parameters. 
 that the file does not name, put a plus before it: `+samplers.forest.explore=0.3`.
 """
 LINE = 120
+SECTION = re.compile(r"\n+(?:(?:Args|Raises):|>>> )")
+ARGUMENTS = re.compile(r"^Args:\n((?: {4}.*\n?)+)", re.MULTILINE)
+ARGUMENT = re.compile(r"^ {4}(\w[\w, ]*): (.*\n?(?: {8}.*\n?)*)", re.MULTILINE)
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -108,17 +112,39 @@ def section(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
 def choices(group: str, prefix: str) -> list[str]:
     """A section for each file of a folder of conf/: its class's docstring, parameters, values."""
     lines = []
+    sections: dict[type, str] = {}
     for path in sorted((CONF / group).glob("*.yaml")):
         body = yaml.safe_load(path.read_text())
         described = get_class(body["_target_"])
-        lines += [f"### {group}: {path.stem}", "", inspect.getdoc(described) or "", ""]
+        text, meanings = documented(described)
+        first = sections.setdefault(described, path.stem)
+        if first != path.stem:
+            text, meanings = f"As `{first}`, with other values.", {}
         keys: list[str] = []
-        for parameter in inspect.signature(described).parameters.values():
-            if parameter.name not in PASSED:
-                value = body.get(parameter.name, parameter.default)
-                keys += item(f"{prefix.format(path.stem)}{parameter.name}", value)
+        for name, parameter in inspect.signature(described).parameters.items():
+            if name not in PASSED:
+                value = body.get(name, parameter.default)
+                keys += item(f"{prefix.format(path.stem)}{name}", value, "", meanings.get(name, ""))
+        lines += [f"### {group}: {path.stem}", "", text, ""]
         lines += [*(keys or ["No parameters."]), ""]
     return lines
+
+
+def documented(described: type) -> tuple[str, dict[str, str]]:
+    """The docstring of a class without its sections, and the meaning of each argument.
+
+    Arguments that the class inherits have the meaning that a base class gives.
+    """
+    meanings: dict[str, str] = {}
+    for base in reversed(described.__mro__):
+        section_of_arguments = ARGUMENTS.search(inspect.cleandoc(vars(base).get("__doc__") or ""))
+        for names, meaning in ARGUMENT.findall(
+            section_of_arguments[1] if section_of_arguments else ""
+        ):
+            for name in names.split(", "):
+                if name not in meanings or not meaning.startswith("as for"):
+                    meanings[name] = meaning
+    return SECTION.split(inspect.getdoc(described) or "")[0], meanings
 
 
 def cameras() -> list[str]:

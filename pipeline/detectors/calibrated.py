@@ -18,8 +18,12 @@ from pipeline.protocols import Detector
 class CalibratedDetector:
     """Runs another detector and calibrates its scores; boxes and their order stay the same.
 
-    detector: the section of the other detector. slope, offset: of the calibration.
-    threshold: smallest calibrated score reported, as for detectors whose files hold their calibration.
+    Args:
+        detector: the config section of the other detector.
+        slope, offset: of the calibration.
+        model: file or folder of the other detector.
+        threshold: smallest calibrated score reported, as for detectors whose files hold their
+            calibration; None leaves the other detector's.
     """
 
     def __init__(
@@ -31,19 +35,24 @@ class CalibratedDetector:
         threshold: float | None = None,
     ) -> None:
         self._calibration = Calibration(slope, offset)
-        lowest = (
-            {} if threshold is None else {"threshold": float(self._calibration.undo(threshold))}
-        )
-        self._detector: Detector = component("detector", DETECTOR, detector)(model=model, **lowest)
+        settings: dict[str, Any] = {"model": model}
+        if threshold is not None:
+            settings["threshold"] = float(self._calibration.undo(threshold))
+        self._detector: Detector = component("detector", DETECTOR, detector)(**settings)
 
     def detect(self, frame: Frame) -> Detections:
         """Return the pedestrians in the image, with calibrated scores."""
-        found = self._detector.detect(frame)
-        return Detections(found.boxes, self._calibration.apply(found.scores).astype(np.float32))
+        raw = self._detector.detect(frame)
+        return Detections(raw.boxes, self._calibration.apply(raw.scores).astype(np.float32))
 
 
 def calibrated(section: Mapping[str, Any], calibration: Calibration) -> dict[str, Any]:
-    """The section of a detector with calibrated scores. section: of the detector itself."""
+    """The config section of a detector with calibrated scores.
+
+    Args:
+        section: of the detector without calibration.
+        calibration: of its scores.
+    """
     target = f"{CalibratedDetector.__module__}.{CalibratedDetector.__qualname__}"
     threshold = {"threshold": section["threshold"]} if "threshold" in section else {}
     scaling = {"slope": calibration.slope, "offset": calibration.offset}
@@ -53,5 +62,10 @@ def calibrated(section: Mapping[str, Any], calibration: Calibration) -> dict[str
 def as_tested(
     section: Mapping[str, Any], calibration: DetectorCalibration | None
 ) -> dict[str, Any]:
-    """The section of a version's detector as its tests have it. calibration: of the version, if the study calibrates it."""
+    """The config section of a version's detector as its tests use it.
+
+    Args:
+        section: of the detector without calibration.
+        calibration: of the version, if the study calibrates it.
+    """
     return dict(section) if calibration is None else calibrated(section, calibration.scaling)

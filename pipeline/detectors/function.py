@@ -21,15 +21,14 @@ def _named(function: str) -> Callable[..., Any]:
     """The function of a dotted name; ValueError that says why there is none."""
     module, _, name = function.rpartition(".")
     try:
-        found = getattr(import_module(module), name)
+        attribute: Any = getattr(import_module(module), name)
     except Exception as error:  # A foreign module may raise anything.
         raise ValueError(f"there is no {shown(function)} ({error})") from error
-    if not callable(found):
+    if not callable(attribute):
         raise ValueError(
-            f"expected a function, got {shown(function)} of type {type(found).__name__}"
+            f"expected a function, got {shown(function)} of type {type(attribute).__name__}"
         )
-    made: Callable[..., Any] = found
-    return made
+    return attribute  # type: ignore[no-any-return]
 
 
 def _is_function(name: str) -> str:
@@ -38,14 +37,22 @@ def _is_function(name: str) -> str:
 
 
 def source_of(function: str) -> Path:
-    """The file that defines a function of a dotted name; InputError if it is not defined in a Python file."""
+    """The file that defines a function, relative to the working directory if it is inside.
+
+    Args:
+        function: its dotted name.
+
+    Raises:
+        InputError: if it is not defined in a Python file.
+    """
     try:
-        found = Path(inspect.getfile(inspect.unwrap(_named(function))))
+        file = Path(inspect.getfile(inspect.unwrap(_named(function))))
     except (TypeError, ValueError) as error:
         raise InputError(
-            f"detector.function: expected a function of a Python file, got {shown(function)} ({error})"
+            f"detector.function: expected a function of a Python file, got {shown(function)}"
+            f" ({error})"
         ) from error
-    return found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found
+    return file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
 
 
 FunctionName = Annotated[str, AfterValidator(_is_function)]
@@ -54,10 +61,14 @@ FunctionName = Annotated[str, AfterValidator(_is_function)]
 class FunctionDetector:
     """Finds pedestrians with a function `image -> (boxes, scores)`.
 
-    function: its dotted name. It takes (h, w, 3) uint8 RGB and returns (n, 4) left, top, right, bottom in pixels and (n,) in [0, 1], in any
-    order. threshold, iou: as for `OnnxDetector`. model: ignored, so that it can replace a detector that reads a file.
+    Args:
+        function: its dotted name. It takes (h, w, 3) uint8 RGB and returns (n, 4) left, top, right,
+            bottom in pixels and (n,) scores in [0, 1], in any order.
+        threshold, iou: as for `OnnxDetector`.
+        model: ignored, so that it can replace a detector that reads a file.
 
-    InputError if there is no such function. Any exception in it, and any result of another shape, becomes a SimulationError.
+    Raises:
+        InputError: if there is no such function.
     """
 
     def __init__(
@@ -74,11 +85,15 @@ class FunctionDetector:
         self._name, self._threshold, self._iou = function, threshold, iou
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the pedestrians in the image."""
+        """Return the pedestrians in the image.
+
+        Raises:
+            SimulationError: for any exception in the function, and for any result of another shape
+                or range.
+        """
         try:
-            boxes, scores = (
-                np.asarray(part, np.float32) for part in self._function(frame.image.copy())
-            )
+            result = self._function(frame.image.copy())
+            boxes, scores = (np.asarray(part, np.float32) for part in result)
         except Exception as error:  # Foreign code may raise anything; the campaign must continue.
             raise SimulationError(
                 f"{self._name} failed: {type(error).__name__}: {error}"
@@ -87,15 +102,14 @@ class FunctionDetector:
             boxes = boxes.reshape(0, 4)
         if boxes.ndim != 2 or boxes.shape[1] != 4 or scores.shape != (len(boxes),):
             raise SimulationError(
-                f"{self._name} must return boxes (n, 4) and scores (n,), got {boxes.shape} and {scores.shape}"
+                f"{self._name} must return boxes (n, 4) and scores (n,),"
+                f" got {boxes.shape} and {scores.shape}"
             )
         if ((scores < 0) | (scores > 1)).any():
             raise SimulationError(
-                f"{self._name} must return scores in [0, 1], got {scores.min():g} to {scores.max():g}"
+                f"{self._name} must return scores in [0, 1],"
+                f" got {scores.min():g} to {scores.max():g}"
             )
-        return reported(
-            self._name,
-            *inside(boxes, scores, frame.image.shape[1], frame.image.shape[0]),
-            self._threshold,
-            self._iou,
-        )
+        height, width = frame.image.shape[:2]
+        boxes, scores = inside(boxes, scores, width, height)
+        return reported(self._name, boxes, scores, self._threshold, self._iou)

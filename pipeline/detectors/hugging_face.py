@@ -1,4 +1,7 @@
-"""Object detectors of Hugging Face Transformers (DETR, YOLOS, RT-DETR and others); needs the extra `hugging-face`."""
+"""Object detectors of Hugging Face Transformers: DETR, YOLOS, RT-DETR and others.
+
+They need the extra `hugging-face`.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +19,17 @@ PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
 
 
 class HuggingFaceDetector:
-    """Finds pedestrians with a model that `save_pretrained` wrote, together with its image processor.
+    """Finds pedestrians with a model and image processor that `save_pretrained` wrote.
 
-    model: the folder. threshold, iou: as for `OnnxDetector`. person: name or number of the pedestrian class, if the model's
-    class names do not say. Only safetensors are read, and the model's own code is never run.
+    Only safetensors are read, and code in the model's folder is never run.
 
-    InputError if the folder is not such a model, or its only weights need pickle.
+    Args:
+        model: the folder.
+        threshold, iou: as for `OnnxDetector`.
+        person: name or number of the pedestrian class, if the model's class names do not say.
+
+    Raises:
+        InputError: if the folder is not such a model, or its only weights need pickle.
     """
 
     def __init__(
@@ -44,11 +52,12 @@ class HuggingFaceDetector:
             )
         if not list(self._model.glob("*.safetensors")):
             pickled = [path.name for pattern in PICKLES for path in self._model.glob(pattern)]
-            found = (
-                f"{', '.join(pickled)}, which can run code when read" if pickled else "no weights"
-            )
+            weights = "no weights"
+            if pickled:
+                weights = f"{', '.join(pickled)}, which can run code when read"
             raise InputError(
-                f"{model}: expected model.safetensors, found {found}; save it again with safe_serialization=True"
+                f"{model}: expected model.safetensors, found {weights};"
+                " save it again with safe_serialization=True"
             )
         safe = {"local_files_only": True, "trust_remote_code": False}
         try:
@@ -74,17 +83,11 @@ class HuggingFaceDetector:
             or not np.isfinite(output.pred_boxes.numpy()).all()
         ):
             raise SimulationError(f"{self._model} returns values that are not finite")
-        (found,) = self._processor.post_process_object_detection(
+        (objects,) = self._processor.post_process_object_detection(
             output, threshold=self._threshold, target_sizes=[(height, width)]
         )
-        boxes, scores = (
-            found["boxes"].numpy().astype(np.float32),
-            found["scores"].numpy().astype(np.float32),
-        )
-        mine = found["labels"].numpy() == self._person
-        return reported(
-            self._model,
-            *inside(boxes[mine], scores[mine], width, height),
-            self._threshold,
-            self._iou,
-        )
+        chosen = objects["labels"].numpy() == self._person
+        boxes = objects["boxes"].numpy().astype(np.float32)[chosen]
+        scores = objects["scores"].numpy().astype(np.float32)[chosen]
+        boxes, scores = inside(boxes, scores, width, height)
+        return reported(self._model, boxes, scores, self._threshold, self._iou)

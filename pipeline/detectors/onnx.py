@@ -19,21 +19,26 @@ from pipeline.detectors.layouts import LAYOUTS, Layout, Letterbox
 from pipeline.detectors.suppression import IOU, THRESHOLD, Share, inside, reported
 from pipeline.errors import InputError, SimulationError
 
-OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
-EXPECTED = f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in YOLOv5's, YOLOv8's or an end-to-end layout"
+OURS = (
+    "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores'"
+    " (n, cells) in [0, 1]"
+)
+EXPECTED = (
+    f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in YOLOv5's, YOLOv8's or an"
+    " end-to-end layout"
+)
 SMALLEST_BOXES = 2.0
 """Boxes with a largest coordinate up to this value are not in pixels."""
-REFUSALS = (
-    *(
-        ort.Fail,
-        ort.InvalidArgument,
-        ort.InvalidGraph,
-        ort.InvalidProtobuf,
-        ort.NotImplemented,
-        ort.NoModel,
-        ort.EPFail,
-    ),
-    *(ort.RuntimeException, ort.EngineError),
+ERRORS = (
+    ort.Fail,
+    ort.InvalidArgument,
+    ort.InvalidGraph,
+    ort.InvalidProtobuf,
+    ort.NotImplemented,
+    ort.NoModel,
+    ort.EPFail,
+    ort.RuntimeException,
+    ort.EngineError,
 )
 """The exceptions of ONNX Runtime; they share no base class."""
 Floats = NDArray[np.float32]
@@ -42,14 +47,20 @@ Floats = NDArray[np.float32]
 class OnnxDetector:
     """Finds pedestrians with an ONNX file.
 
-    Our own files include normalisation and decoding, as `yolo.export` writes them. Other models get the image scaled to their size, padded
-    with grey, as RGB in [0, 1]; the shape of their output determines its layout.
+    Our own files include normalisation and decoding, as `yolo.export` writes them. Other models get
+    the image scaled to their size, padded with grey, as RGB in [0, 1]; the shape of their output
+    determines its layout.
 
-    model: the file. threshold: smallest score reported, in (0, 1). iou: overlap above which the worse of two boxes is removed, in (0, 1).
-    threads: of ONNX Runtime. layout: boxes_scores, yolov5, yolov8 or end_to_end, if the shape is ambiguous. person: name or number of the
-    pedestrian class, if the file's own names do not say.
+    Args:
+        model: the file.
+        threshold: smallest score reported, in (0, 1).
+        iou: overlap above which the worse of two boxes is removed, in (0, 1).
+        threads: of ONNX Runtime, in [1, 1024].
+        layout: boxes_scores, yolov5, yolov8 or end_to_end, if the shape is ambiguous.
+        person: name or number of the pedestrian class, if the file's class names do not say.
 
-    InputError if the file is missing or is not such a detector.
+    Raises:
+        InputError: if the file is missing or is not such a detector.
     """
 
     def __init__(
@@ -67,144 +78,147 @@ class OnnxDetector:
         self._input, self._shape = first.name, tuple(first.shape)
         self._float = np.float16 if first.type == "tensor(float16)" else np.float32
         self._layout: Layout = self._recognised(layout)
-        self._person = 0 if self._layout == "boxes_scores" else self._person_class(person)
+        self._person = 0
+        if self._layout != "boxes_scores":
+            names = layouts.class_names(self._session.get_modelmeta().custom_metadata_map)
+            classes = layouts.classes_of(self._layout, self._session.get_outputs()[0].shape)
+            classes = classes or len(names) or None
+            self._person = layouts.person_class(self._model, names, classes, person)
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the pedestrians in the image; InputError if one of our models needs another image size."""
+        """Return the pedestrians in the image.
+
+        Raises:
+            InputError: if a model of ours needs another image size.
+            SimulationError: if the model fails on the image.
+        """
         return self.detect_images(frame.image[None])[0]
 
     def detect_images(self, images: NDArray[np.uint8]) -> list[Detections]:
-        """Detect in a batch (n, h, w, 3) uint8 RGB; the same result as one by one, up to rounding."""
+        """Detect in a batch; the same result as in single images, up to rounding.
+
+        Args:
+            images: (n, h, w, 3) uint8 RGB.
+
+        Raises: as `detect`.
+        """
         if self._layout != "boxes_scores":
-            return [
-                reported(self._model, *self._foreign(image), self._threshold, self._iou)
-                for image in images
-            ]
-        expected = self._shape[1:]
-        if images.dtype != np.uint8 or any(
-            e != g for e, g in zip(expected, images.shape[1:], strict=True) if isinstance(e, int)
-        ):
-            raise InputError(
-                f"{self._model} takes uint8 images of {expected}, got {images.dtype} {images.shape[1:]}"
-            )
-        boxes, scores = self._run(["boxes", "scores"], np.ascontiguousarray(images))
-        return [
-            reported(self._model, b, s, self._threshold, self._iou)
-            for b, s in zip(boxes, scores, strict=True)
-        ]
+            raw = [self._foreign(image) for image in images]
+        else:
+            wrong = images.dtype != np.uint8
+            for extent, size in zip(self._shape[1:], images.shape[1:], strict=True):
+                wrong = wrong or (isinstance(extent, int) and extent != size)
+            if wrong:
+                raise InputError(
+                    f"{self._model} takes uint8 images of {self._shape[1:]},"
+                    f" got {images.dtype} {images.shape[1:]}"
+                )
+            boxes, scores = self._run(["boxes", "scores"], np.ascontiguousarray(images))
+            raw = list(zip(boxes, scores, strict=True))
+        return [reported(self._model, *image, self._threshold, self._iou) for image in raw]
 
     def _foreign(self, image: NDArray[np.uint8]) -> tuple[Floats, Floats]:
-        width, height = self._image_size(image.shape[1], image.shape[0])
+        """Raw boxes (n, 4) in pixels and scores (n,) of a foreign model."""
+        rows, columns = self._shape[2:]
+        # A model that leaves its size open gets the image's, rounded up to the largest stride.
+        stride = layouts.STRIDES[-1]
+        height = rows if isinstance(rows, int) else -(-image.shape[0] // stride) * stride
+        width = columns if isinstance(columns, int) else -(-image.shape[1] // stride) * stride
         padded, box = Letterbox.fit(image, width, height)
-        tensor = (np.ascontiguousarray(padded.transpose(2, 0, 1)[None], np.float32) / 255).astype(
-            self._float
-        )
-        output = self._run(None, tensor)[0][0]
+        channels_first = np.ascontiguousarray(padded.transpose(2, 0, 1)[None], np.float32)
+        output = self._run(None, (channels_first / 255).astype(self._float))[0][0]
         boxes, scores = layouts.decode(self._layout, output, self._person)
         if 0 < (largest := layouts.largest(self._layout, output)) <= SMALLEST_BOXES:
             raise InputError(
-                f"{self._model}: expected boxes in pixels of its {width} by {height} input, got none beyond {largest:.3g}"
+                f"{self._model}: expected boxes in pixels of its {width} by {height} input,"
+                f" got none beyond {largest:.3g}"
             )
         return inside(box.back(boxes), scores, image.shape[1], image.shape[0])
 
     def _run(self, outputs: list[str] | None, images: NDArray[Any]) -> Any:
         try:
             return self._session.run(outputs, {self._input: images})
-        except REFUSALS as error:
+        except ERRORS as error:
             raise SimulationError(
                 f"{self._model} failed on an image: {str(error).splitlines()[0]}"
             ) from error
 
-    def _image_size(self, width: int, height: int) -> tuple[int, int]:
-        """Width and height of the model's input; if the model leaves them open, the image's, rounded up to the largest stride."""
-        rows, columns = self._shape[2:]
-        stride = layouts.STRIDES[-1]
-        return (
-            columns if isinstance(columns, int) else -(-width // stride) * stride,
-            rows if isinstance(rows, int) else -(-height // stride) * stride,
-        )
-
     def _recognised(self, declared: Layout | None) -> Layout:
-        first, outputs = self._session.get_inputs()[0], self._session.get_outputs()
+        """The layout of the model's output; InputError if its inputs or outputs do not fit."""
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        first = inputs[0]
         if len(first.shape) == 4 and isinstance(first.shape[0], int) and first.shape[0] != 1:
             raise InputError(
-                f"{self._model} takes batches of {first.shape[0]} images; export it for one image, or for any number"
+                f"{self._model} takes batches of {first.shape[0]} images; export it for one image,"
+                " or for any number"
             )
         shapes = {output.name: output.shape for output in outputs}
-        found = f"input '{first.name}' {first.shape} {first.type} and outputs {shapes}"
+        actual = f"input '{first.name}' {first.shape} {first.type} and outputs {shapes}"
         ours = (
-            [i.name for i in self._session.get_inputs()] == ["image"]
+            [each.name for each in inputs] == ["image"]
             and first.type == "tensor(uint8)"
             and len(first.shape) == 4
             and len(shapes.get("boxes", ())) == 3
             and len(shapes.get("scores", ())) == 2
         )
-        if declared == "boxes_scores" or ours:
-            if not ours:
-                raise InputError(f"{self._model} must have {OURS}; it has {found}")
+        if ours:
             return "boxes_scores"
-        floats = first.type in ("tensor(float)", "tensor(float16)")
+        if declared == "boxes_scores":
+            raise InputError(f"{self._model} must have {OURS}; it has {actual}")
         if (
-            len(self._session.get_inputs()) != 1
-            or not floats
+            len(inputs) != 1
+            or first.type not in ("tensor(float)", "tensor(float16)")
             or len(first.shape) != 4
             or first.shape[1] not in (3, "channels")
+            or len(outputs[0].shape) != 3
         ):
-            raise InputError(f"{self._model} must have {EXPECTED}; it has {found}")
-        if len(outputs[0].shape) != 3:
-            raise InputError(f"{self._model} must have {EXPECTED}; it has {found}")
-        rows, columns = first.shape[2:]
-        known = isinstance(rows, int) and isinstance(columns, int)
-        shape, width, height = outputs[0].shape, columns if known else 0, rows if known else 0
+            raise InputError(f"{self._model} must have {EXPECTED}; it has {actual}")
+        shape, (height, width) = outputs[0].shape, first.shape[2:]
+        if not (isinstance(height, int) and isinstance(width, int)):
+            height = width = 0
         layout = declared or layouts.recognise(shape, width, height)
         if layout is None:
-            choices = ", ".join(LAYOUTS[1:])
             raise InputError(
-                f"{self._model}: cannot recognise the layout of its output {shape}; set detector.layout to one of {choices}"
+                f"{self._model}: cannot recognise the layout of its output {shape};"
+                f" set detector.layout to one of {', '.join(LAYOUTS[1:])}"
             )
         if not layouts.admits(layout, shape, width, height):
             raise InputError(
-                f"{self._model}: detector.layout is {layout}, but an output {shape} cannot have this layout"
+                f"{self._model}: detector.layout is {layout}, but an output {shape} cannot have"
+                " this layout"
             )
         return layout
 
-    def _person_class(self, declared: str | int | None) -> int:
-        names = layouts.class_names(self._session.get_modelmeta().custom_metadata_map)
-        classes = layouts.classes_of(self._layout, self._session.get_outputs()[0].shape)
-        return layouts.person_class(self._model, names, classes or (len(names) or None), declared)
-
 
 def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
+    """Load a model; InputError if the file is missing, of another kind or damaged."""
     if path.suffix in (".pt", ".pth", ".pkl", ".ckpt"):
         raise InputError(
-            f"{path}: a {path.suffix} file can run code when read, so it is not opened; export it to ONNX"
+            f"{path}: a {path.suffix} file can run code when read, so it is not opened;"
+            " export it to ONNX"
         )
     if path.is_dir():
-        inside = next(
-            (
-                f"; name the file, such as {file}"
-                for file in (path / "model.onnx", path / "weights.safetensors")
-                if file.exists()
-            ),
-            "",
-        )
-        raise InputError(f"{path}: expected the file of a detector, got a folder{inside}")
+        advice = ""
+        for file in (path / "weights.safetensors", path / "model.onnx"):
+            if file.exists():
+                advice = f"; name the file, such as {file}"
+        raise InputError(f"{path}: expected the file of a detector, got a folder{advice}")
     if not path.is_file():
         raise InputError(
-            f"{path}: expected the ONNX file of a detector, found no file; train it or name another model"
+            f"{path}: expected the ONNX file of a detector, found no file;"
+            " train it or name another model"
         )
     data = read_bytes(path)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-    options.log_severity_level = (
-        4  # The runtime's errors become exceptions; it must not print them, too.
-    )
+    # The runtime's errors become exceptions; it must not print them, too.
+    options.log_severity_level = 4
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         session = onnxruntime.InferenceSession(
             str(path), options, providers=["CPUExecutionProvider"]
         )
-    except REFUSALS as error:
+    except ERRORS as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"ONNX Runtime cannot load {path}: {reason}") from error
     layouts.check_alone(path, data)

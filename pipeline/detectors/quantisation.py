@@ -1,6 +1,7 @@
-"""The int8 form of an ONNX detector: all convolutions in 8 bits except the last ones of the heads (ONNX Runtime, static).
+"""The int8 form of an ONNX detector: convolutions in 8 bits, except the last ones of the heads.
 
-The last convolutions output offsets, sizes and scores together. Their ranges differ too much for one scale of 8 bits.
+ONNX Runtime quantises statically. The last convolutions output offsets, sizes and scores together,
+whose ranges differ too much for one scale of 8 bits.
 """
 
 from __future__ import annotations
@@ -8,7 +9,6 @@ from __future__ import annotations
 import logging
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,33 +39,34 @@ class _Images(CalibrationDataReader):  # type: ignore[misc]
 
 
 def quantise(whole: Path, images: NDArray[np.uint8], out: Path) -> None:
-    """Write the int8 form of one of our ONNX files. images: (n, h, w, 3) uint8 RGB, which set the ranges of the activations."""
-    with _errors_alone(), tempfile.TemporaryDirectory() as folder:
-        prepared, made = Path(folder) / "prepared.onnx", Path(folder) / "int8.onnx"
-        quant_pre_process(whole, prepared, skip_symbolic_shape=True)
-        quantize_static(
-            prepared,
-            made,
-            _Images(images),
-            quant_format=QuantFormat.QDQ,
-            op_types_to_quantize=OPERATORS,
-            nodes_to_exclude=_last_convolutions(prepared),
-            per_channel=True,
-            activation_type=QuantType.QUInt8,
-            weight_type=QuantType.QInt8,
-            calibrate_method=CalibrationMethod.MinMax,
-        )
-        write_bytes(out, made.read_bytes())
+    """Write the int8 form of one of our ONNX files.
 
-
-@contextmanager
-def _errors_alone() -> Iterator[None]:
-    """Silence ONNX Runtime, which recommends its preprocessing although that has already run."""
+    Args:
+        whole: the file.
+        images: (n, h, w, 3) uint8 RGB, which set the ranges of the activations.
+        out: the file to write.
+    """
     logger = logging.getLogger()
     level = logger.level
+    # ONNX Runtime recommends its preprocessing although that has already run.
     logger.setLevel(logging.ERROR)
     try:
-        yield
+        with tempfile.TemporaryDirectory() as folder:
+            prepared, quantised = Path(folder) / "prepared.onnx", Path(folder) / "int8.onnx"
+            quant_pre_process(whole, prepared, skip_symbolic_shape=True)
+            quantize_static(
+                prepared,
+                quantised,
+                _Images(images),
+                quant_format=QuantFormat.QDQ,
+                op_types_to_quantize=OPERATORS,
+                nodes_to_exclude=_last_convolutions(prepared),
+                per_channel=True,
+                activation_type=QuantType.QUInt8,
+                weight_type=QuantType.QInt8,
+                calibrate_method=CalibrationMethod.MinMax,
+            )
+            write_bytes(out, quantised.read_bytes())
     finally:
         logger.setLevel(level)
 

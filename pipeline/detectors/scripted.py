@@ -1,4 +1,7 @@
-"""Scripted stand-ins that read the ground truth: they test whether the world is fair, not how good a detector is."""
+"""Scripted stand-ins that read the ground truth.
+
+They test whether the world is fair, not how good a detector is.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +11,20 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 
 FOOT, STATURE, BREADTH = 0.117, 0.147, 0.048
-"""Of a person 1.70 m tall and 0.55 m wide, 10 m ahead, from a height of 1.35 m: foot below the middle of the image, height and width, as
-shares of the image's width."""
+"""Of a person 1.70 m tall and 0.55 m wide, 10 m ahead, from a height of 1.35 m.
+
+Foot below the middle of the image, height and width, as shares of the image's width."""
 
 
-class VisiblePixelOracle:
-    """Stands in for an attentive person: sees the pedestrian once it is `pipeline.core.visibility.visible`.
-
-    model: ignored, so that it can replace a detector that reads a file.
-    """
+class _Scripted:
+    """A detector that reads no file; model: ignored, so that it can replace one that does."""
 
     def __init__(self, model: str | None = None) -> None:
         pass
+
+
+class VisiblePixelOracle(_Scripted):
+    """Sees the pedestrian once it is `pipeline.core.visibility.visible`, as an attentive person."""
 
     def detect(self, frame: Frame) -> Detections:
         """The visible box with score 1, or nothing."""
@@ -29,33 +34,24 @@ class VisiblePixelOracle:
         return Detections(np.array([truth.visible_box], np.float32), np.ones(1, np.float32))
 
 
-class EverywhereDetector:
-    """Always says "person": with score 1, in every image, as large as a person who stands 10 m ahead of a camera of 60 degrees.
+class EverywhereDetector(_Scripted):
+    """Reports the same person with score 1 in every image.
 
-    It shows that a detector does not pass by always braking. model: ignored.
+    The person stands 10 m ahead of a camera of 60 degrees. It shows that a detector does not pass
+    by always braking.
     """
-
-    def __init__(self, model: str | None = None) -> None:
-        pass
 
     def detect(self, frame: Frame) -> Detections:
         """The same box in every image."""
         height, width = frame.image.shape[:2]
         foot = height / 2 + FOOT * width
-        box = [
-            (0.5 - BREADTH / 2) * width,
-            foot - STATURE * width,
-            (0.5 + BREADTH / 2) * width,
-            foot,
-        ]
+        left, right = (0.5 - BREADTH / 2) * width, (0.5 + BREADTH / 2) * width
+        box = [left, foot - STATURE * width, right, foot]
         return Detections(np.array([box], np.float32), np.ones(1, np.float32))
 
 
-class BlindDetector:
+class BlindDetector(_Scripted):
     """Sees nothing; the ego never brakes."""
-
-    def __init__(self, model: str | None = None) -> None:
-        pass
 
     def detect(self, frame: Frame) -> Detections:
         """Nothing."""

@@ -13,7 +13,7 @@ from pipeline.core.detections import Detections
 from pipeline.errors import SimulationError
 
 THRESHOLD, IOU = 0.5, 0.45
-"""Of a detector for which none is chosen: smallest score reported, and overlap above which the worse of two boxes is removed."""
+"""Defaults: smallest score reported, and overlap above which the worse of two boxes is removed."""
 CANDIDATES = 300
 """Largest number of boxes before suppression; far more than people on a street."""
 ROUNDING = 1e-3
@@ -26,15 +26,29 @@ Share = Annotated[float, Field(gt=0, lt=1)]
 def reported(
     model: object, boxes: Floats, scores: Floats, threshold: float, iou: float
 ) -> Detections:
-    """The boxes (n, 4) with scores (n,) at or above the threshold that no better box overlaps by more than `iou`, best first.
+    """The boxes at or above the threshold that no better box overlaps, best first.
 
-    SimulationError that names the model if a score, or the box of a reported score, is not finite, or a score is not in [0, 1].
+    Args:
+        model: for the message.
+        boxes: (n, 4) left, top, right, bottom in pixels.
+        scores: (n,), in [0, 1].
+        threshold: smallest score reported, in (0, 1).
+        iou: overlap above which the worse of two boxes is removed, in (0, 1).
+
+    Raises:
+        SimulationError: if a score, or the box of a reported score, is not finite, or a score is
+            not in [0, 1].
+
+    >>> boxes = np.array([[0, 0, 10, 10], [1, 0, 10, 10], [20, 0, 30, 10]], np.float32)
+    >>> reported("model", boxes, np.array([0.6, 0.9, 0.2], np.float32), 0.5, 0.45).boxes.tolist()
+    [[1.0, 0.0, 10.0, 10.0]]
     """
     if not np.isfinite(scores).all() or not np.isfinite(boxes[scores >= threshold]).all():
         raise SimulationError(f"{model} returns values that are not finite")
     if (wrong := (scores < -ROUNDING) | (scores > 1 + ROUNDING)).any():
         raise SimulationError(
-            f"{model} returns a score of {scores[wrong][0]:.3g}, expected scores in [0, 1]; apply a sigmoid to logits"
+            f"{model} returns a score of {scores[wrong][0]:.3g}, expected scores in [0, 1];"
+            " apply a sigmoid to logits"
         )
     above = np.flatnonzero(scores >= threshold)
     if not len(above):
@@ -48,13 +62,20 @@ def reported(
 
 
 def inside(boxes: Floats, scores: Floats, width: int, height: int) -> tuple[Floats, Floats]:
-    """Boxes clipped to an image of a given size in pixels, and their scores; drops boxes outside it. Keeps values that are not finite,
-    so that `reported` rejects them."""
+    """Clip boxes to an image and drop those outside it.
+
+    Values that are not finite are kept, so that `reported` rejects them.
+
+    Args:
+        boxes: (n, 4) left, top, right, bottom in pixels.
+        scores: (n,).
+        width, height: of the image in pixels.
+
+    Returns:
+        Boxes (m, 4) and scores (m,).
+    """
     numbers = np.isfinite(boxes).all(axis=1) & np.isfinite(scores)
-    cut = np.where(
-        numbers[:, None],
-        np.clip(boxes, 0, np.array([width, height, width, height], np.float32)),
-        boxes,
-    )
+    clipped = np.clip(boxes, 0, np.array([width, height, width, height], np.float32))
+    cut = np.where(numbers[:, None], clipped, boxes)
     real = (cut[:, 2] > cut[:, 0]) & (cut[:, 3] > cut[:, 1]) | ~numbers
     return cut[real], scores[real]

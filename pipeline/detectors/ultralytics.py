@@ -1,4 +1,7 @@
-"""Detectors run with the Ultralytics package, which is AGPL-3.0 and not installed with Blindspot: `pip install ultralytics`."""
+"""Detectors run with the Ultralytics package.
+
+It is AGPL-3.0 and not installed with Blindspot: `pip install ultralytics`.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +20,14 @@ from pipeline.errors import InputError, one_line
 class UltralyticsDetector:
     """Finds pedestrians with an Ultralytics model, with Ultralytics' own pre- and postprocessing.
 
-    model: an .onnx file, or a .pt checkpoint if `trusted`, because reading one can run code. threshold, iou, person: as for `OnnxDetector`.
+    Args:
+        model: an .onnx file, or a .pt checkpoint if `trusted`.
+        threshold, iou, person: as for `OnnxDetector`.
+        trusted: whether the checkpoint may be read, which can run code in it.
 
-    InputError if the package or the file is missing, if the file is damaged or keeps its weights in another file, or if a checkpoint is not
-    trusted.
+    Raises:
+        InputError: if the package or the file is missing, if the file is damaged or keeps its
+            weights in another file, or if a checkpoint is not trusted.
     """
 
     def __init__(
@@ -34,7 +41,8 @@ class UltralyticsDetector:
         path = Path(model)
         if path.suffix != ".onnx" and not trusted:
             raise InputError(
-                f"{path}: a {path.suffix or 'foreign'} file can run code when read; export it to ONNX, or set detector.trusted=true"
+                f"{path}: a {path.suffix or 'foreign'} file can run code when read;"
+                " export it to ONNX, or set detector.trusted=true"
             )
         if not path.is_file():
             raise InputError(f"{path}: expected a detector file, found none")
@@ -44,10 +52,12 @@ class UltralyticsDetector:
             from ultralytics import YOLO
         except ImportError as error:
             raise InputError(
-                f"this adapter needs Ultralytics' package (AGPL-3.0): pip install ultralytics ({one_line(error)})"
+                "this adapter needs Ultralytics' package (AGPL-3.0): pip install ultralytics"
+                f" ({one_line(error)})"
             ) from error
         self._path, self._threshold, self._iou = path, threshold, iou
-        # An ONNX file has a size of its own, and older versions of the package read it from the file for the first image alone.
+        # An ONNX file declares its image size, which older versions of the package read from the
+        # file for the first image alone.
         self._sized = path.suffix != ".onnx"
         try:
             self._model = YOLO(str(path), task="detect")
@@ -70,6 +80,5 @@ class UltralyticsDetector:
             **({"imgsz": (height, width)} if self._sized else {}),
         )
         boxes, scores = result.boxes.xyxy.cpu().numpy(), result.boxes.conf.cpu().numpy()
-        return reported(
-            self._path, *inside(boxes, scores, width, height), self._threshold, self._iou
-        )
+        boxes, scores = inside(boxes, scores, width, height)
+        return reported(self._path, boxes, scores, self._threshold, self._iou)

@@ -1,8 +1,9 @@
-"""Judges which campaign frames are fit for training (thesis section 7.2), with the reason for each."""
+"""Judges which campaign frames are fit for training, with reasons (thesis section 7.2)."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,15 +18,19 @@ from pipeline.errors import InputError
 
 
 def judge(frames: pd.DataFrame, section: Filter) -> pd.DataFrame:
-    """Keep or reject each frame by `CRITERIA`; rows in the given order, columns of the filter table.
+    """Keep or reject each frame by `CRITERIA`.
 
-    frames: columns of frames.parquet, each episode's in order of time. A frame that no criterion rejects is `visible` or, if the pedestrian
-    does not show, `negative`.
+    A frame that no criterion rejects is `visible` or, if the pedestrian does not show, `negative`.
+
+    Args:
+        frames: columns of frames.parquet, each episode's in order of time.
+        section: limits of the criteria.
+
+    Returns:
+        Rows in the given order, columns of the filter table.
     """
-    kept, reasons = (
-        np.ones(len(frames), bool),
-        np.where(shows(frames), "visible", "negative").astype(object),
-    )
+    kept = np.ones(len(frames), bool)
+    reasons = np.where(shows(frames), "visible", "negative").astype(object)
     for criterion in CRITERIA:
         rejected = kept & criterion.rejects(frames, kept, section)
         reasons[rejected] = criterion.reason
@@ -38,13 +43,18 @@ def overrule(
 ) -> pd.DataFrame:
     """Apply a person's rows; the reason then reads `overruled (was <reason>)`.
 
-    elsewhere: names of the tests in the study's other filter tables; rows about them are ignored here. path: of `overrules`.
+    Args:
+        judged: the filter table.
+        overrules: the person's rows: test_id, step and whether to keep the frame.
+        elsewhere: names of the tests in the study's other filter tables; rows about them are
+            ignored here.
+        path: of `overrules`, for messages.
 
-    InputError for a row about a frame that does not exist, and for duplicate rows.
+    Raises:
+        InputError: for a row about a frame that does not exist, and for duplicate rows.
     """
-    rows = {
-        frame: row for row, frame in enumerate(zip(judged["test_id"], judged["step"], strict=True))
-    }
+    frames = zip(judged["test_id"], judged["step"], strict=True)
+    rows = {frame: row for row, frame in enumerate(frames)}
     kept, reasons = judged["kept"].to_list(), judged["reason"].to_list()
     seen: set[tuple[str, int]] = set()
     for line, (test_id, step, keep) in enumerate(overrules.itertuples(index=False), 2):
@@ -59,18 +69,17 @@ def overrule(
             kept[row] = bool(keep)
         elif test_id not in elsewhere:
             raise InputError(
-                f"{path}, line {line}: expected a kept frame of this study, got frame {step} of test {test_id!r}"
+                f"{path}, line {line}: expected a kept frame of this study,"
+                f" got frame {step} of test {test_id!r}"
             )
     return judged.assign(kept=kept, reason=reasons)
 
 
 def judged_elsewhere(config: Config, strategy: str, version: str) -> set[str]:
-    """Names of the study's search tests, except those in the filter table of one strategy against one version."""
+    """Names of the study's search tests, except those of a strategy against a version."""
     others = config.searched - {(strategy, version)}
-    campaigns = (
-        CampaignId(scenario, *other, seed)
-        for scenario in config.search
-        for other in others
-        for seed in config.seeds
-    )
-    return {str(test) for campaign in campaigns for test in campaign.tests(config.campaign.tests)}
+    names = set()
+    for scenario, other, seed in product(config.search, others, config.seeds):
+        campaign = CampaignId(scenario, *other, seed)
+        names |= set(map(str, campaign.tests(config.campaign.tests)))
+    return names

@@ -1,4 +1,8 @@
-"""Selects kept frames for training: of all tests or of failures, balanced over regions or causes, or by how the detector did in them."""
+"""Selects kept frames for training.
+
+They are of all tests or of failures, balanced over regions or causes, or weighted by the detector's
+confidence in them.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,10 @@ from pipeline.config.sections import Regions
 from pipeline.core.space import Floats, Space
 
 POOL = ["test_id", "step", "empty", "group", "scenario", "weight"]
-"""Columns of a pool of frames: empty: no visible pedestrian; group: rows are drawn in equal numbers from each; scenario: '' for none;
-weight: how often a row is drawn, relative to others of its group."""
+"""Columns of a pool of frames.
+
+empty: no visible pedestrian. group: rows are drawn in equal numbers from each. scenario: '' for
+none. weight: how often a row is drawn, relative to others of its group."""
 ANY = ""
 """The only group if nothing is balanced."""
 LEAST = 0.05
@@ -24,8 +30,9 @@ WEIGHTS: Mapping[str, Callable[[Floats], Floats]] = {
     "unsure": lambda confidence: LEAST + 4 * confidence * (1 - confidence),
     "missed": lambda confidence: LEAST - np.log(np.maximum(confidence, LEAST)),
 }
-"""Selection -> weight of frames by the confidence, (n,), with which the searched version detected the pedestrian in them. `unsure`: the
-variance of a coin with that bias; `missed`: the log loss."""
+"""Selection -> weight of frames by the confidence of the searched version's detection, (n,).
+
+`unsure`: the variance of a coin with that bias; `missed`: the log loss."""
 
 
 def groups(
@@ -34,11 +41,18 @@ def groups(
     spaces: Mapping[str, tuple[ScenarioInfo, Space]],
     section: Regions,
 ) -> dict[str, str]:
-    """test_id -> group, for the tests with frames that may be added.
+    """Group the tests whose frames may be added.
 
-    selection: `all` tests, `failures`, all tests by `causes`, each cause a group and passing tests another, or failures by `regions`, each
-    region a group, plus one group per scenario for failures in no region; those of `WEIGHTS` take all tests. tests: rows of all campaigns
-    of one source.
+    Args:
+        selection: `all` tests; `failures`; `causes`: all tests, each cause a group and passing
+            tests another; `regions`: failures, each region a group, plus a group per scenario for
+            failures in no region. Those of `WEIGHTS` take all tests.
+        tests: rows of all campaigns of a source.
+        spaces: by scenario.
+        section: settings of the regions.
+
+    Returns:
+        test_id -> group.
     """
     if selection == "all" or selection in WEIGHTS:
         return dict.fromkeys(tests["test_id"], ANY)
@@ -47,13 +61,14 @@ def groups(
     failed = tests[tests["failure"]]
     if selection == "failures":
         return dict.fromkeys(failed["test_id"], ANY)
-    found: dict[str, str] = {}
+    grouped: dict[str, str] = {}
     for scenario, rows in tests[is_valid(tests)].groupby("scenario"):
         info, space = spaces[str(scenario)]
         regions = cluster(info, space, rows.reset_index(drop=True), section)
-        found |= dict.fromkeys(regions.isolated, f"{info.label}, isolated")
-        found |= {test: region.name for region in regions.regions for test in region.members}
-    return found
+        grouped |= dict.fromkeys(regions.isolated, f"{info.label}, isolated")
+        for region in regions.regions:
+            grouped |= dict.fromkeys(region.members, region.name)
+    return grouped
 
 
 def pool(
@@ -62,21 +77,26 @@ def pool(
     scenarios: Mapping[str, str],
     selection: str = "all",
 ) -> pd.DataFrame:
-    """The frames that may be drawn, in a fixed order, with the columns `POOL`.
+    """The frames that may be drawn, in a fixed order.
 
-    judged: rows of filter tables. grouped, scenarios: group and scenario by test. selection: as for `groups`.
+    Args:
+        judged: rows of filter tables.
+        grouped, scenarios: group and scenario by test.
+        selection: as for `groups`.
+
+    Returns:
+        A table with the columns `POOL`.
     """
     rows = judged[judged["kept"] & judged["test_id"].isin(list(grouped))]
     ids = rows["test_id"]
     rows = rows.assign(
         empty=rows["visible_pixels"] == 0, group=ids.map(grouped), scenario=ids.map(scenarios)
     )
-    rows = rows.assign(
-        weight=WEIGHTS[selection](rows["confidence"].to_numpy(float))
-        if selection in WEIGHTS
-        else 1.0
-    )
-    return rows[POOL].sort_values(["test_id", "step"], ignore_index=True)
+    weight: Floats | float = 1.0
+    if selection in WEIGHTS:
+        weight = WEIGHTS[selection](rows["confidence"].to_numpy(float))
+    rows = rows.assign(weight=weight)[POOL]
+    return rows.sort_values(["test_id", "step"], ignore_index=True)
 
 
 def capacity(rows: pd.DataFrame, empty_share: float) -> int:
@@ -86,20 +106,24 @@ def capacity(rows: pd.DataFrame, empty_share: float) -> int:
 
 
 def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.DataFrame:
-    """Draw `count` rows of a pool without replacement: a share of them empty, the others from each group in numbers as equal as the groups
-    allow."""
+    """Draw rows of a pool without replacement.
+
+    Args:
+        rows: the pool.
+        count: number of rows to draw.
+        empty_share: share of empty frames, in [0, 1]. The others come from each group in numbers as
+            equal as the groups allow.
+        seed: of the draw.
+    """
     rng = np.random.default_rng(seed)
     empty = rows[rows["empty"]]
     wanted = round(count * empty_share)
     parts = [empty.iloc[np.sort(rng.choice(len(empty), wanted, replace=False))]]
-    shown = {name: group for name, group in rows[~rows["empty"]].groupby("group")}
+    # The smallest group first: larger groups make up for what it lacks.
+    shown = sorted(rows[~rows["empty"]].groupby("group"), key=lambda item: (len(item[1]), item[0]))
     left = count - wanted
-    for rest, (_, group) in zip(
-        range(len(shown), 0, -1),
-        sorted(shown.items(), key=lambda item: (len(item[1]), item[0])),
-        strict=True,
-    ):
-        # The smallest first: larger groups make up for what it lacks.
+    for done, (_, group) in enumerate(shown):
+        rest = len(shown) - done
         part = min(len(group), -(-left // rest))
         weight = group["weight"].to_numpy(float)
         # Without weights, numpy draws in another way.

@@ -32,8 +32,13 @@ LOWEST_SCORE = 0.0005
 class Origin:
     """The origin of a version.
 
-    version: its name. parent: the version that training continued from, None for a base. data: digests of its training data and of its
-    initial weights. training: settings used. worlds: the towns and people in its training data.
+    Attributes:
+        version: its name.
+        parent: the version that training continued from, None for a base.
+        data: digests of its training data and of its initial weights.
+        training: settings used.
+        seed: of the training.
+        worlds: the towns and people in its training data.
     """
 
     version: str
@@ -52,10 +57,19 @@ def write_version(
     out: Path,
     progress: OnProgress,
 ) -> None:
-    """Save a model version and its training curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
+    """Save a model version with its training curve, its calibration, its metrics and its card.
 
-    All versions of a study, including a shipped base, are calibrated on the same images: otherwise the confidence at which they brake would
-    mean a different precision for each version, and the comparison would measure that.
+    All versions of a study, including a shipped base, are calibrated on the same images: otherwise
+    the confidence at which they brake would mean a different precision for each version, and the
+    comparison would measure that.
+
+    Args:
+        config: of the study.
+        fitted: the trained network and its curve.
+        validation: images for calibration and metrics.
+        origin: what the version was trained from.
+        out: the card; the other files are written beside it.
+        progress: called with images done, their total and a text.
     """
     model = fitted.model
     out.unlink(missing_ok=True)  # The card of an earlier version describes other weights.
@@ -68,19 +82,21 @@ def write_version(
         plain = detect_all(Path(folder) / "plain.onnx", validation, progress)
     calibration = calibrate(plain, validation)
     export_onnx(onnx, saved, validation.size, calibration)
-    # The file now includes the calibration, which keeps the boxes and the order of scores: no second pass over the images.
-    found = [
-        Detections(one.boxes, calibration.apply(one.scores).astype(np.float32)) for one in plain
-    ]
-    diagrams = {
-        name: reliability(*judged_scores(f, validation))
-        for name, f in {"uncalibrated": plain, "calibrated": found}.items()
-    }
-    errors = {
-        f"calibration_error_{name}": calibration_error(diagram)
-        for name, diagram in diagrams.items()
-    }
+    # The file now includes the calibration, which keeps the boxes and the order of scores: no
+    # second pass over the images.
+    calibrated = []
+    for raw in plain:
+        scores = calibration.apply(raw.scores).astype(np.float32)
+        calibrated.append(Detections(raw.boxes, scores))
+    metrics, diagrams = evaluate(calibrated, validation, config.threshold), {}
+    for name, detections in {"uncalibrated": plain, "calibrated": calibrated}.items():
+        diagram = reliability(*judged_scores(detections, validation))
+        metrics[f"calibration_error_{name}"] = calibration_error(diagram)
+        diagrams[name] = tuple((part.score, part.right, part.count) for part in diagram)
     architecture = {"widths": list(model.architecture.widths), "head": model.architecture.head}
+    training = {}
+    for key, value in origin.training.items():
+        training[key] = value if isinstance(value, str) else float(value)
     card = ModelCard(
         version=origin.version,
         parent=origin.parent,
@@ -89,16 +105,10 @@ def write_version(
         input_size=validation.size,
         seed=origin.seed,
         data=origin.data,
-        training={
-            key: value if isinstance(value, str) else float(value)
-            for key, value in origin.training.items()
-        },
-        metrics=evaluate(found, validation, config.threshold) | errors,
+        training=training,
+        metrics=metrics,
         calibration=asdict(calibration),
-        reliability={
-            name: tuple((b.score, b.right, b.count) for b in diagram)
-            for name, diagram in diagrams.items()
-        },
+        reliability=diagrams,
         weights_sha256=sha256(weights),
         towns=tuple(sorted(origin.worlds.towns)),
         people=tuple(sorted(origin.worlds.people)),
@@ -109,16 +119,24 @@ def write_version(
 def detect_all(
     onnx: Path, images: ImageSet, progress: OnProgress, calibration: Calibration | None = None
 ) -> list[Detections]:
-    """A model's detections in each image, down to scores far below its threshold. calibration: the one inside the file, if any: the file
-    then keeps the same detections as without it, and average precision is unchanged."""
-    lowest = (
-        LOWEST_SCORE
-        if calibration is None
-        else float(calibration.apply(np.array([LOWEST_SCORE]))[0])
-    )
+    """A model's detections in each image, down to scores far below its threshold.
+
+    Args:
+        onnx: the model's file.
+        images: n images.
+        progress: called with images done, their total and a text.
+        calibration: inside the file, if any: the file then keeps the same detections as without it,
+            and average precision is unchanged.
+
+    Returns:
+        (n,) detections.
+    """
+    lowest = LOWEST_SCORE
+    if calibration is not None:
+        lowest = float(calibration.apply(np.array([LOWEST_SCORE]))[0])
     detector = OnnxDetector(onnx, threshold=lowest)
-    found = []
+    detections = []
     for i in range(len(images)):
-        found += detector.detect_images(images.images[i : i + 1])
+        detections += detector.detect_images(images.images[i : i + 1])
         progress(i + 1, len(images), "validation images")
-    return found
+    return detections

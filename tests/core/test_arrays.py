@@ -1,4 +1,4 @@
-"""Covering arrays cover, are small if the minimum is known, contain their seed rows, and are well ordered."""
+"""Covering arrays cover, are small, contain their seed rows, and are well ordered."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def test_the_thesis_space_takes_exactly_962_tests() -> None:
 @pytest.mark.parametrize(
     ("sizes", "strength", "limit"),
     [
-        ((3,) * 4, 2, 9), ((3,) * 13, 2, 17), ((4,) * 10, 2, 29), ((4, 6, 2), 2, 24), ((5, 2, 2, 2), 2, 10), ((7,), 1, 7),
-        ((2,) * 100, 2, 15),
-        ((2,) * 20, 3, 25), ((3, 2, 2, 2, 3), 4, 38), ((2,) * 8, 5, 64), ((2,) * 7, 6, 64), ((10,) * 20, 2, 197),
+        ((3,) * 4, 2, 9), ((3,) * 13, 2, 17), ((4,) * 10, 2, 29), ((4, 6, 2), 2, 24),
+        ((5, 2, 2, 2), 2, 10), ((7,), 1, 7), ((2,) * 100, 2, 15), ((2,) * 20, 3, 25),
+        ((3, 2, 2, 2, 3), 4, 38), ((2,) * 8, 5, 64), ((2,) * 7, 6, 64), ((10,) * 20, 2, 197),
     ],
 )  # fmt: skip
 def test_arrays_cover_with_few_rows(sizes: tuple[int, ...], strength: int, limit: int) -> None:
@@ -59,16 +59,16 @@ def test_seed_rows_come_first_and_stay() -> None:
 
 
 def test_polishing_never_enlarges_an_array_and_reports_progress() -> None:
-    told: list[tuple[float, int, int]] = []
+    reports: list[tuple[float, int, int]] = []
     free = Constraints((4,) * 10)
     quick = covering_array(free)
     covering_array(Constraints((3,) * 5), effort=Effort(0.1))  # Compiles what only polishing needs.
     polished = covering_array(
-        free, effort=Effort(1.5, lambda *now: told.append(now), processor=True)
+        free, effort=Effort(1.5, lambda *now: reports.append(now), processor=True)
     )
     assert polished.size <= quick.size + 1 and verify(polished.rows, free, 2).valid
-    assert all(0 <= share <= 1 and bound == 16 for share, _, bound in told)
-    assert told[0][1] == 0 and told[-1][1] >= polished.size
+    assert all(0 <= share <= 1 and bound == 16 for share, _, bound in reports)
+    assert reports[0][1] == 0 and reports[-1][1] >= polished.size
 
 
 @pytest.mark.usefixtures("short_annealing")
@@ -147,7 +147,8 @@ def test_the_order_takes_the_row_with_the_most_new_pairs() -> None:
 
 def test_a_row_that_breaks_a_constraint_makes_an_array_invalid_and_covers_nothing() -> None:
     constraints = Constraints((2, 2, 2), ((Literal(0, 0, False), Literal(1, 0, False)),))
-    found = verify(np.array([[0, 0, 1]]), constraints, 2)
-    assert found.broken == ((0, 0),) and ((0, 2), (0, 1)) in found.missing and found.infeasible == 1
+    verification = verify(np.array([[0, 0, 1]]), constraints, 2)
+    assert verification.broken == ((0, 0),) and verification.infeasible == 1
+    assert ((0, 2), (0, 1)) in verification.missing
     every = verify(np.array(list(np.ndindex(2, 2, 2))), constraints, 2)
     assert every.missing == () and not every.valid

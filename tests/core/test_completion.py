@@ -1,4 +1,7 @@
-"""The fewest points that complete the coverage: the paper's example, weights under constraints, and the bound of larger domains."""
+"""The fewest points that complete the coverage.
+
+The paper's example, weights under constraints, and the bound of larger domains.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,9 @@ from pipeline.core.coverage.proposals import Proposer
 pytestmark = pytest.mark.usefixtures("short_annealing")
 
 PAPER = Constraints((3, 2, 2, 2, 2, 2), ((Literal(2, 1), Literal(3, 0)),))
-"""Weather, lane orientation, lanes, current lane, forward and oncoming vehicle; who drives in lane 2 has two lanes."""
+"""Weather, lane orientation, lanes, current lane, forward and oncoming vehicle.
+
+A car in lane 2 has two lanes."""
 GIVEN = np.array(
     [
         [2, 0, 1, 0, 1, 0],
@@ -33,41 +38,50 @@ GIVEN = np.array(
 def test_the_paper_s_domain_needs_this_many_points(given: int, k: int, fewest: int) -> None:
     """Section 5 adds six points to its five."""
     demand, points = Demand(PAPER, k), GIVEN[:given]
-    found = Proposer(demand).completion(points)
-    assert found.smallest and found.bound == len(found.categories) == fewest
-    assert projection_coverage(np.vstack([points, found.categories]), demand).ratio == 1
+    completion = Proposer(demand).completion(points)
+    assert completion.smallest and completion.bound == len(completion.categories) == fewest
+    assert projection_coverage(np.vstack([points, completion.categories]), demand).ratio == 1
 
 
 def test_weights_under_a_constraint_share_points() -> None:
-    """Three points for each category of c0 and of c1's first one; points with c1 = v1 lack c0 = v0."""
+    """Three points for each category of c0 and c1 = v0; points with c1 = v1 lack c0 = v0."""
     linked = Constraints((2, 2), ((Literal(1, 1), Literal(0, 1, equal=False)),))
-    found = Proposer(Demand(linked, 1, [[3, 3], [3, 2]])).completion(np.zeros((0, 2), np.int64))
-    assert found.smallest and sorted(found.categories.tolist()) == [[0, 0]] * 3 + [[1, 1]] * 3
+    proposer = Proposer(Demand(linked, 1, [[3, 3], [3, 2]]))
+    completion = proposer.completion(np.zeros((0, 2), np.int64))
+    assert completion.smallest
+    assert sorted(completion.categories.tolist()) == [[0, 0]] * 3 + [[1, 1]] * 3
 
 
 def test_only_the_conditions_that_miss_something_are_listed() -> None:
-    """Thirty conditions have too many points, but a single one lacks categories, and a constraint links it with another."""
+    """Thirty conditions have too many points, but only a single condition lacks categories.
+
+    A constraint links it with another.
+    """
     wide = Constraints((5,) + (2,) * 29, ((Literal(0, 4, equal=False), Literal(1, 0)),))
     points = np.zeros((3, 30), np.int64)
     points[1:] = [[1] * 30, [2] + [1] * 29]
-    found = Proposer(Demand(wide, 1)).completion(points)
+    completion = Proposer(Demand(wide, 1)).completion(points)
     assert (
-        found.smallest
-        and sorted(found.categories[:, 0]) == [3, 4]
-        and wide.holds(found.categories).all()
+        completion.smallest
+        and sorted(completion.categories[:, 0]) == [3, 4]
+        and wide.holds(completion.categories).all()
     )
 
 
 def test_a_large_domain_gets_the_bound_of_its_part() -> None:
-    """Eleven points cover five conditions of three values, so eight conditions need as many; one plane says nine."""
-    found = Proposer(Demand(Constraints((3,) * 8), 2)).completion(np.zeros((0, 8), np.int64))
-    assert lower_bound((3,) * 8, 2) == 9 and found.bound == 11 <= len(found.categories)
+    """Eleven points cover five conditions of three values, so eight conditions need as many.
+
+    A single plane gives a bound of nine.
+    """
+    completion = Proposer(Demand(Constraints((3,) * 8), 2)).completion(np.zeros((0, 8), np.int64))
+    assert lower_bound((3,) * 8, 2) == 9 and completion.bound == 11 <= len(completion.categories)
 
 
 def test_a_programme_that_ends_early_gives_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(completion, "WORK", 1)
-    found = Proposer(Demand(Constraints((3,) * 5), 2)).completion(np.zeros((0, 5), np.int64))
-    assert 9 <= found.bound <= 11 <= len(found.categories)
+    proposer = Proposer(Demand(Constraints((3,) * 5), 2))
+    early = proposer.completion(np.zeros((0, 5), np.int64))
+    assert 9 <= early.bound <= 11 <= len(early.categories)
 
 
 def test_an_array_is_certified_and_keeps_its_given_rows() -> None:

@@ -13,8 +13,8 @@ from pipeline.core.coverage.counting import FEW_POINTS, CellCounts
 @pytest.mark.parametrize(
     ("sizes", "k"),
     [
-        ((3, 4, 2, 5), 1), ((3, 4, 2, 5), 2), ((3, 4, 1, 5, 40), 2), ((3, 4, 2, 5, 40), 3), ((4,) * 6, 3), ((2, 3, 1, 4), 3), ((3,) * 5, 4),
-        ((300, 2, 2), 2),
+        ((3, 4, 2, 5), 1), ((3, 4, 2, 5), 2), ((3, 4, 1, 5, 40), 2), ((3, 4, 2, 5, 40), 3),
+        ((4,) * 6, 3), ((2, 3, 1, 4), 3), ((3,) * 5, 4), ((300, 2, 2), 2),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("points", [0, 7, FEW_POINTS + 77])

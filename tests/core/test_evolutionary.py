@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -12,11 +14,12 @@ from tests.spaces import CONSTRAINED, SMALL
 nan = np.nan
 
 
-def told(
-    kpi: Floats, space: Space = SMALL, **settings: float
+def sampler_after(
+    kpi: Floats, space: Space = SMALL, **settings: Any
 ) -> tuple[EvolutionarySampler, Floats]:
     """A sampler after its first batch, which has these KPIs."""
-    sampler = EvolutionarySampler(space, 0, batch_size=len(kpi), initial=len(kpi), **settings)  # type: ignore[arg-type]
+    size = len(kpi)
+    sampler = EvolutionarySampler(space, 0, batch_size=size, initial=size, **settings)
     points = sampler.ask()
     sampler.tell(points, kpi)
     return sampler, points
@@ -25,7 +28,7 @@ def told(
 @pytest.mark.parametrize("space", [SMALL, CONSTRAINED], ids=["free", "constrained"])
 def test_children_differ_from_the_lowest_tests_in_one_variable(space: Space) -> None:
     kpi = np.array([0.5, nan, 0.1, 0.9, -np.inf, 0.3, 0.8, 0.7])
-    sampler, points = told(kpi, space, parents=2, explore=0.0)
+    sampler, points = sampler_after(kpi, space, parents=2, explore=0.0)
     children = sampler.ask()
     parents = points[[2, 5]]  # The lowest finite ones; they take turns.
     assert ((children != parents[np.arange(8) % 2]).sum(axis=1) == 1).all()
@@ -34,12 +37,12 @@ def test_children_differ_from_the_lowest_tests_in_one_variable(space: Space) -> 
 
 
 def test_among_equals_the_newest_are_parents() -> None:
-    sampler, points = told(np.array([0.0, 0.5, 0.0, 0.0]), parents=2, explore=0.0)
+    sampler, points = sampler_after(np.array([0.0, 0.5, 0.0, 0.0]), parents=2, explore=0.0)
     assert ((sampler.ask() != points[[3, 2, 3, 2]]).sum(axis=1) == 1).all()
 
 
 def test_other_tests_join_the_parents() -> None:
-    sampler, points = told(np.arange(12.0), parents=2, explore=1.0)
+    sampler, points = sampler_after(np.arange(12.0), parents=2, explore=1.0)
     children = sampler.ask()
     nearest = (children[:, None] != points[None]).sum(axis=2).argmin(axis=1)
     assert list(nearest[:2]) == [0, 1] and set(nearest[2:4]).isdisjoint({0, 1})
@@ -63,7 +66,7 @@ def test_steps_stay_small_and_change_integers() -> None:
             Variable("count", "integer", "", 1, 100, 1),
         )
     )
-    sampler, points = told(np.arange(40.0), space, parents=1, explore=0.0, step=0.01)
+    sampler, points = sampler_after(np.arange(40.0), space, parents=1, explore=0.0, step=0.01)
     moved = sampler.ask() - points[0]
     turned = (moved[:, 0] + 180) % 360 - 180
     assert 0 < np.abs(turned).max() < 5 * 3.6
@@ -77,7 +80,8 @@ def test_steps_stay_small_and_change_integers() -> None:
 
 def test_impact_is_the_mean_deviation_among_tests_that_differ_in_one_variable() -> None:
     points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [5.0, 7.0, 0.0]])
-    # Tests 0 and 1 differ in the third variable alone, by 4; 0 and 2 in the second, by 1; none in the first.
+    # Tests 0 and 1 differ in the third variable alone, by 4; 0 and 2 in the second, by 1; none in
+    # the first.
     assert impacts(points, np.array([1.0, 5.0, 2.0, 9.0])) == pytest.approx([1.25, 0.5, 2.0])
     assert impacts(points[[0, 3]], np.array([1.0, 5.0])) == pytest.approx([0.0, 0.0, 0.0])
 

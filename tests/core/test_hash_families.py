@@ -1,4 +1,4 @@
-"""Covering arrays from hash families: every combination of every t columns, and the sizes that the literature gives."""
+"""Covering arrays from hash families: all combinations of any t columns, and published sizes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Failure rates: limits against closed forms, estimators against known rates, and their state, which is their history."""
+"""Failure rates: limits against closed forms, estimators against known rates, and their state."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def low_x(share: float) -> Kpi:
     return lambda points: points[:, 0] - 5 * share
 
 
-def made(
+def estimator_of(
     name: str, seed: int = 0, budget: int = 1000, space: object = SMALL, **more: object
 ) -> Estimator:
     method: Callable[..., Estimator] = MADE[name]
@@ -54,14 +54,14 @@ def made(
 
 def run(estimator: Estimator, kpi: Kpi, stop_after: int | None = None) -> Floats:
     """Ask and tell; returns the points."""
-    told: list[Floats] = []
+    batches: list[Floats] = []
     while (
-        len(points := estimator.ask()[: estimator.budget - sum(map(len, told))])
-        and len(told) != stop_after
+        len(points := estimator.ask()[: estimator.budget - sum(map(len, batches))])
+        and len(batches) != stop_after
     ):
         estimator.tell(points, kpi(points))
-        told.append(points)
-    return np.concatenate(told)
+        batches.append(points)
+    return np.concatenate(batches)
 
 
 def test_exact_limits_of_known_counts() -> None:
@@ -86,7 +86,7 @@ def test_anytime_limits_hold_at_all_moments_at_once() -> None:
     for _ in range(200):
         counts = np.cumsum(rng.random(1000) < rate)
         looks = [anytime(int(counts[n - 1]), n) for n in range(50, 1001, 50)]
-        wrong += any(not one.low <= rate <= one.high for one in looks)
+        wrong += any(not limits.low <= rate <= limits.high for limits in looks)
     assert wrong <= 200 * 0.05
 
 
@@ -152,7 +152,7 @@ def test_an_interval_holds_about_as_often_as_it_says(name: str) -> None:
     true = {"monte_carlo": 0.05, "subset": 0.002, "importance": 0.08}[name]
     inside, values = 0, []
     for seed in range(40):
-        estimator = made(name, seed)
+        estimator = estimator_of(name, seed)
         run(estimator, low_x(true))
         rate = estimator.rate()
         inside += rate.limits.low <= true <= rate.limits.high
@@ -163,7 +163,7 @@ def test_an_interval_holds_about_as_often_as_it_says(name: str) -> None:
 
 @pytest.mark.parametrize("name", MADE)
 def test_telling_the_same_batches_again_restores_an_estimator(name: str) -> None:
-    first, second = made(name), made(name)
+    first, second = estimator_of(name), estimator_of(name)
     run(first, low_x(0.1), stop_after=12)
     run(second, low_x(0.1), stop_after=8)
     run(second, low_x(0.1), stop_after=4)
@@ -174,34 +174,34 @@ def test_telling_the_same_batches_again_restores_an_estimator(name: str) -> None
 
 @pytest.mark.parametrize("name", MADE)
 def test_an_estimator_that_is_only_told_knows_as_much(name: str) -> None:
-    asking, told = made(name), made(name)
+    asking, copy = estimator_of(name), estimator_of(name)
     for _ in range(12):
         points = asking.ask()
-        for estimator in (asking, told):
+        for estimator in (asking, copy):
             estimator.tell(points, low_x(0.1)(points))
-    assert asking.rate() == told.rate()
-    np.testing.assert_array_equal(asking.ask(), told.ask())
+    assert asking.rate() == copy.rate()
+    np.testing.assert_array_equal(asking.ask(), copy.ask())
 
 
 @pytest.mark.parametrize("name", MADE)
 def test_points_keep_the_constraints(name: str) -> None:
-    points = run(made(name, space=CONSTRAINED), low_x(0.1))
+    points = run(estimator_of(name, space=CONSTRAINED), low_x(0.1))
     assert len(points) > 100 and CONSTRAINED.violation(points) is None
 
 
 @pytest.mark.parametrize("name", MADE)
 def test_errors_are_in_no_count_of_tests(name: str) -> None:
-    estimator = made(name)
+    estimator = estimator_of(name)
     run(estimator, lambda points: np.where(points[:, 0] > 9, np.nan, low_x(0.1)(points)))
     rate = estimator.rate()
     assert rate.errors > 0 and rate.tests + rate.errors <= 1000
 
 
 def test_a_settled_question_ends_the_tests() -> None:
-    below = made("monte_carlo", below=0.05)
+    below = estimator_of("monte_carlo", below=0.05)
     run(below, lambda points: np.ones(len(points)))
     assert below.rate().tests < 200 and below.rate().limits.below < 0.05
-    above = made("monte_carlo", below=0.05)
+    above = estimator_of("monte_carlo", below=0.05)
     run(above, low_x(0.2))
     assert above.rate().tests < 300 and above.rate().limits.low > 0.05
 
@@ -226,7 +226,7 @@ def test_families_spread_the_estimate_and_two_more_may_be_unseen() -> None:
 
 
 def test_subset_simulation_says_when_the_kpi_leads_nowhere() -> None:
-    estimator = made("subset")
+    estimator = estimator_of("subset")
     run(estimator, lambda points: np.ones(len(points)))
     rate = estimator.rate()
     assert (
@@ -237,14 +237,14 @@ def test_subset_simulation_says_when_the_kpi_leads_nowhere() -> None:
 
 
 def test_subset_simulation_on_pass_or_fail_alone_counts_like_monte_carlo() -> None:
-    estimator = made("subset")
+    estimator = estimator_of("subset")
     run(estimator, lambda points: np.where(points[:, 0] < 0.25, 0.0, 1.0))
     rate = estimator.rate()
     assert rate.limits.low <= 0.05 <= rate.limits.high and not rate.note
 
 
 def test_a_budget_that_ends_above_the_failures_gives_an_upper_limit() -> None:
-    estimator = made("subset", budget=300)
+    estimator = estimator_of("subset", budget=300)
     run(estimator, low_x(1e-9))
     rate = estimator.rate()
     assert (
@@ -255,13 +255,13 @@ def test_a_budget_that_ends_above_the_failures_gives_an_upper_limit() -> None:
 
 
 def test_importance_sampling_without_failures_stays_random() -> None:
-    estimator = made("importance")
+    estimator = estimator_of("importance")
     run(estimator, lambda points: np.ones(len(points)))
     assert estimator.rate().note == FEW and estimator.rate().limits == exact(0, 1000)
 
 
 def test_weights_are_bounded_by_the_defensive_share() -> None:
-    estimator = made("importance")
+    estimator = estimator_of("importance")
     assert isinstance(estimator, ImportanceSampling)
     run(estimator, low_x(0.1))
     chosen = estimator._weights[estimator._random :]
@@ -310,30 +310,30 @@ def test_errors_where_the_road_seldom_is_leave_the_rate_of_the_other_conditions(
 
 
 def test_errors_that_the_search_avoids_leave_the_rate_of_the_other_conditions() -> None:
-    fails, found = low_x(0.1), []
+    fails, rates = low_x(0.1), []
     for seed in range(5):
-        estimator = made("importance", seed)
+        estimator = estimator_of("importance", seed)
         run(estimator, lambda points: np.where(points[:, 0] > 5, np.nan, fails(points)))
         assert estimator.rate().note != FEW
-        found.append(estimator.rate().value)
-    assert np.mean(found) == pytest.approx(0.1 / (1 - 0.8 * 5 / 9), rel=0.1)
+        rates.append(estimator.rate().value)
+    assert np.mean(rates) == pytest.approx(0.1 / (1 - 0.8 * 5 / 9), rel=0.1)
 
 
 @pytest.mark.parametrize("name", MADE)
 def test_errors_alone_allow_no_claim(name: str) -> None:
-    estimator = made(name)
+    estimator = estimator_of(name)
     run(estimator, lambda points: np.full(len(points), np.nan))
     assert estimator.rate().limits.below == 1
 
 
 def test_wrong_settings_are_told() -> None:
-    for settings, told in (
+    for settings, message in (
         ({"budget": 99}, "budget must be at least 100 tests, got 99"),
         ({"below": 1.0}, "below must be in (0, 1), got 1.0"),
     ):
         with pytest.raises(ValueError) as error:  # noqa: PT011
-            made("monte_carlo", **settings)  # type: ignore[arg-type]
-        assert told in str(error.value)
+            estimator_of("monte_carlo", **settings)  # type: ignore[arg-type]
+        assert message in str(error.value)
 
 
 def test_an_estimate_that_rests_on_five_failures_has_four_degrees_of_freedom() -> None:
@@ -345,7 +345,7 @@ def test_an_estimate_that_rests_on_five_failures_has_four_degrees_of_freedom() -
 
 
 def test_failures_that_come_after_half_of_the_budget_leave_all_tests_random() -> None:
-    estimator = made("importance", budget=200, batch_size=20)
+    estimator = estimator_of("importance", budget=200, batch_size=20)
     run(
         estimator, lambda points: np.where(np.arange(len(points)) % 8 == 0, -1.0, 1.0)
     )  # Three of 20: 20 after 140 tests.
@@ -353,7 +353,7 @@ def test_failures_that_come_after_half_of_the_budget_leave_all_tests_random() ->
 
 
 def test_a_weight_that_no_test_shows_leaves_the_limit_open() -> None:
-    """Nine in ten conditions on the road lie in a thousandth of the space, where no uniform test was."""
+    """Nine in ten conditions on the road lie in a thousandth of the space, without any test."""
     rare = {"variables": {"x": {"kind": "histogram", "edges": [0, 9.99, 10], "shares": [0.1, 0.9]}}}
     points = SMALL.sample(200, np.random.default_rng(0)) * [0.99, 1, 1, 1]
     assert (
@@ -363,6 +363,6 @@ def test_a_weight_that_no_test_shows_leaves_the_limit_open() -> None:
 
 @pytest.mark.parametrize("name", MADE)
 def test_a_kpi_at_the_threshold_is_a_failure(name: str) -> None:
-    estimator = made(name)
+    estimator = estimator_of(name)
     run(estimator, lambda points: np.zeros(len(points)))
     assert estimator.rate().failures == estimator.rate().tests > 0

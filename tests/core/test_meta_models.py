@@ -82,7 +82,7 @@ def test_a_gaussian_process_passes_through_its_data_and_is_sure_there() -> None:
 
 
 def test_a_gaussian_process_has_the_posterior_of_the_appendix() -> None:
-    """Eq. .11 to .15, for standardised KPIs -1 and 1 at 0 and 2, sigma 1, noise 0.5; at 1, in between."""
+    """Eq. .11 to .15: standardised KPIs -1 and 1 at 0 and 2, sigma 1, noise 0.5; at 1, between."""
     model = GaussianProcessSampler(LINE, 0).fit(
         np.array([[0.0], [2.0]]), np.array([0.0, 2.0]), {"length": 1.0, "noise": 0.5}, 0
     )

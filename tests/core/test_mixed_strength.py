@@ -1,4 +1,4 @@
-"""Named planes and single combinations: plans, counts, weights and proposals against enumeration."""
+"""Named planes and single combinations: plans, counts, weights, proposals by enumeration."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ def wanted_cells(limits: Constraints, mixed: Mixed) -> set[tuple[tuple[int, ...]
     chosen = [*combinations(range(len(limits.sizes)), mixed.strength)]
     for named in mixed.extras.planes:
         chosen += combinations(named.variables, named.strength)
-    found = {
+    cells = {
         (plane, tuple(point[list(plane)].tolist()))
         for plane in chosen
         for point in points_of(limits)
     }
-    return found | {(one.variables, one.categories) for one in mixed.extras.combinations}
+    return cells | {(cell.variables, cell.categories) for cell in mixed.extras.combinations}
 
 
 def shown(rows: Ints, cells: set[tuple[tuple[int, ...], tuple[int, ...]]]) -> bool:
@@ -102,7 +102,8 @@ def test_a_row_is_repaired_although_its_plane_is_filled_up() -> None:
         lay_out(copy_for(Constraints((2,) * 6, chain), planes), planes).grid,
         np.zeros(7, np.int32),
     )
-    # As Python, which checks the bounds of arrays. Cell 3 of the first plane: categories 1 and 1, from which all others follow.
+    # As Python, which checks the bounds of arrays. Cell 3 of the first plane: categories 1 and 1,
+    # from which all others follow.
     assert repaired.py_func(grid, row, (0, 3)) and row.tolist() == [1] * 6 + [0]
 
 
@@ -168,7 +169,7 @@ def random_clause(rng: np.random.Generator) -> tuple[Literal, ...]:
 
 def demanded(demand: Demand, rows: Ints) -> tuple[int, int]:
     """Numerator and denominator by enumeration."""
-    single = {(one.variables, one.categories): one.weight for one in demand.extras.combinations}
+    single = {(cell.variables, cell.categories): cell.weight for cell in demand.extras.combinations}
     covered = required = 0
     for plane, cell in wanted_cells(demand.constraints, demand.mixed):
         weight = single.get(
@@ -186,11 +187,11 @@ def test_coverage_is_what_enumeration_counts(k: int) -> None:
     demand = Demand(LINKED, k, WEIGHTS, extras=EXTRAS)
     for count in (0, 3, 40):
         rows = every[rng.integers(len(every), size=count)]
-        found = projection_coverage(rows, demand)
-        assert (found.covered, found.required) == demanded(demand, rows)
+        coverage = projection_coverage(rows, demand)
+        assert (coverage.covered, coverage.required) == demanded(demand, rows)
     rows[::3, 1] = -1
-    found = projection_coverage(rows, demand)
-    assert (found.covered, found.required) == demanded(demand, rows)
+    coverage = projection_coverage(rows, demand)
+    assert (coverage.covered, coverage.required) == demanded(demand, rows)
     assert {(0, 2), (0, 1, 2, 4)} <= {plane.variables for plane in planes(demand.counts(), demand)}
 
 
@@ -210,17 +211,17 @@ def test_no_point_gains_more_than_the_proposed_one(k: int, exact: bool) -> None:
     every = points_of(LINKED)
     demand = Demand(LINKED, k, WEIGHTS, extras=EXTRAS)
     proposer, rows = Proposer(demand), every[[0, 7, 19]]
-    found = proposer.propose_exact(rows, 1) if exact else proposer.propose(rows, 1)
+    proposal = proposer.propose_exact(rows, 1) if exact else proposer.propose(rows, 1)
     assert (
-        found is not None
-        and found.categories.shape == (1, 5)
-        and LINKED.holds(found.categories).all()
+        proposal is not None
+        and proposal.categories.shape == (1, 5)
+        and LINKED.holds(proposal.categories).all()
     )
     before = demanded(demand, rows)[0]
     gains = [demanded(demand, np.vstack([rows, point]))[0] - before for point in every]
     assert (
-        demanded(demand, np.vstack([rows, found.categories]))[0] - before
-        == found.gain
+        demanded(demand, np.vstack([rows, proposal.categories]))[0] - before
+        == proposal.gain
         == max(gains)
     )
 
@@ -229,11 +230,11 @@ def test_a_completion_fills_every_weight() -> None:
     demand = Demand(LINKED, 2, WEIGHTS, extras=EXTRAS)
     start = points_of(LINKED)[:4]
     proposer = Proposer(demand)
-    found = proposer.completion(start)
-    covered, required = demanded(demand, np.vstack([start, found.categories]))
+    completion = proposer.completion(start)
+    covered, required = demanded(demand, np.vstack([start, completion.categories]))
     assert (
         covered == required
-        and found.bound <= len(found.categories)
-        and found.categories.shape[1] == 5
+        and completion.bound <= len(completion.categories)
+        and completion.categories.shape[1] == 5
     )
-    assert proposer.propose(np.vstack([start, found.categories])) is None
+    assert proposer.propose(np.vstack([start, completion.categories])) is None

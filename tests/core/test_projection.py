@@ -27,7 +27,7 @@ def test_example_1_without_and_with_a_constraint() -> None:
 
 
 def test_example_1_with_weights_by_the_definition() -> None:
-    """Five of 75: (1, 1, 1) and (0, 2, 0) want one point each, (2, 0, 2) wants nine and gets three."""
+    """Five of 75: (1, 1, 1) and (0, 2, 0) want a point each, (2, 0, 2) wants nine, gets three."""
     coverage = projection_coverage(
         FIGURE_1, Demand(Constraints(CUBE), 3, [[1, 1, 3], [1, 1, 1], [1, 1, 3]])
     )
@@ -43,7 +43,10 @@ def test_example_of_definition_4(k: int, expected: float) -> None:
 
 @pytest.mark.parametrize(("size", "pairs", "triples"), [(3, 1710, 30780), (4, 3040, 72960)])
 def test_example_2_by_the_definition(size: int, pairs: int, triples: int) -> None:
-    """Twenty conditions: the printed 1710 assumes three values each, which give 30780 triples, not the printed 10260."""
+    """Twenty conditions: the printed 1710 assumes three values each.
+
+    These give 30780 triples, not the printed 10260.
+    """
     nothing = np.zeros((0, 20), dtype=np.int64)
     assert projection_coverage(nothing, Demand(Constraints((size,) * 20), 2)).required == pairs
     assert projection_coverage(nothing, Demand(Constraints((size,) * 20), 3)).required == triples
@@ -95,7 +98,8 @@ def test_weights_that_do_not_fit_into_64_bits_are_refused() -> None:
         weights = [[1000] * 4] * 6 if k == 6 else [[1, 1000]] * 7
         with pytest.raises(
             ValueError,
-            match=f"k = {k}: the weights of a plane sum to {most:,} × .*, expected less than 2\\^63",
+            match=f"k = {k}: the weights of a plane sum to {most:,} × .*, expected less than "
+            r"2\^63",
         ):
             Demand(Constraints(tuple(map(len, weights))), k, weights)
         assert Demand(Constraints(tuple(map(len, weights))), k, weights, "sum").k == k

@@ -62,7 +62,7 @@ def test_completion_covers_every_feasible_cell(k: int) -> None:
 def test_heavy_classes_come_first_on_request() -> None:
     free = Constraints((3, 3, 3))
     weights = [[1, 1, 5], [1, 1, 1], [1, 1, 1]]
-    # Nothing is heavier than category 2 of the first condition; all points add equally many new cells.
+    # Nothing is heavier than category 2 of the first condition; all points add as many new cells.
     heavy = Proposer(Demand(free, 2, weights, "max"), heavy_first=True).propose(
         np.zeros((0, 3), int), 3
     )
@@ -81,16 +81,16 @@ def test_the_bound_of_heavy_points_has_the_unit_of_their_gain(seed: int) -> None
         int((missing - proposer.missing(np.vstack([points, row]))) @ proposer._wanted)
         for row in every
     ]
-    found = proposer.propose_exact(points, 1, 5.0)
-    assert found is not None and found.optimal and found.gain == max(worth)
+    proposal = proposer.propose_exact(points, 1, 5.0)
+    assert proposal is not None and proposal.optimal and proposal.gain == max(worth)
 
 
 def test_heavy_points_are_worth_products_of_the_largest_weights() -> None:
     for k in (3, 4):
         proposer = Proposer(Demand(Constraints((2, 2, 2, 2)), k, [[1, 999]] * 4), heavy_first=True)
-        found = proposer.propose(np.zeros((0, 4), int))
-        assert found is not None and found.categories.tolist() == [[1, 1, 1, 1]]
-        assert found.gain == found.bound == (4 * 999**3 if k == 3 else 999**4)
+        proposal = proposer.propose(np.zeros((0, 4), int))
+        assert proposal is not None and proposal.categories.tolist() == [[1, 1, 1, 1]]
+        assert proposal.gain == proposal.bound == (4 * 999**3 if k == 3 else 999**4)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -103,8 +103,8 @@ def test_a_batch_gains_at_least_what_single_points_gain_and_no_more_than_its_bou
     assert exact is not None and exact.optimal
     single = start
     for _ in range(count):
-        found = proposer.propose(single)
-        single = single if found is None else np.vstack([single, found.categories])
+        proposal = proposer.propose(single)
+        single = single if proposal is None else np.vstack([single, proposal.categories])
 
     def covered(rows: np.ndarray) -> int:
         return projection_coverage(rows, Demand(CONSTRAINED, 2)).covered
@@ -114,7 +114,10 @@ def test_a_batch_gains_at_least_what_single_points_gain_and_no_more_than_its_bou
 
 
 def test_one_projection_is_completed_by_the_fewest_points() -> None:
-    """Algorithm 1 on the data of Equation 1, and with weights: as many points as the condition that lacks most."""
+    """Algorithm 1 on the data of Equation 1, and with weights.
+
+    As many points as the condition that lacks most.
+    """
     free = Constraints((2, 2, 2, 2))
     data = np.array([[0, 0, 1, 1], [1, 0, 0, 0], [1, 0, 0, 1]])
     assert Proposer(Demand(free, 1)).completion(data).categories[:, 1].tolist() == [1]

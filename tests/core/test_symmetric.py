@@ -22,9 +22,9 @@ from pipeline.core.coverage.verification import verify
 
 @pytest.mark.parametrize("order", [2, 3, 4, 5, 7, 8, 9, 16, 25, 27])
 def test_fields_satisfy_the_axioms(order: int) -> None:
-    found = galois_field(order)
-    assert found is not None
-    add, times, every = found.add, found.times, np.arange(order)
+    field = galois_field(order)
+    assert field is not None
+    add, times, every = field.add, field.times, np.arange(order)
     assert np.array_equal(add, add.T) and np.array_equal(times, times.T)
     assert np.array_equal(add[0], every) and np.array_equal(times[1], every) and not times[0].any()
     assert all(sorted(row) == every.tolist() for row in add) and all(
@@ -35,7 +35,7 @@ def test_fields_satisfy_the_axioms(order: int) -> None:
     assert np.array_equal(times[a, times[b, c]], times[times[a, b], c]) and np.array_equal(
         add[a, add[b, c]], add[add[a, b], c]
     )
-    assert sorted(found.powers()) == every[1:].tolist()
+    assert sorted(field.powers()) == every[1:].tolist()
 
 
 @pytest.mark.parametrize("order", [0, 1, 6, 10, 12, 36])
@@ -159,7 +159,8 @@ def test_polishing_takes_columns_of_fewer_categories_along() -> None:
 
 
 def test_a_repaired_row_is_in_its_cell_and_breaks_no_clause() -> None:
-    # Columns 0, 1 and 2 are equal, so no single change of one of them keeps a row feasible; 0 and 4 exclude each other's category 1.
+    # Columns 0, 1 and 2 are equal, so no single change of them keeps a row feasible; 0 and 4
+    # exclude each other's category 1.
     same = tuple((Literal(a, c, False), Literal(a + 1, c)) for a in (0, 1) for c in range(4))
     linked = Constraints((4, 4, 4, 3, 2), (*same, (Literal(0, 1, False), Literal(4, 1, False))))
     problem = of_strength(linked, 2)
@@ -170,9 +171,9 @@ def test_a_repaired_row_is_in_its_cell_and_breaks_no_clause() -> None:
             (plane, cell - int(problem.first[plane])),
             [np.array([3, 3, 3, 0, 1], np.int32) for _ in range(100)],
         )
-        found = [row for row in rows if repaired(problem.grid, row, place)]
-        assert found  # A repair draws at random and may fail.
+        repairs = [row for row in rows if repaired(problem.grid, row, place)]
+        assert repairs  # A repair draws at random and may fail.
         assert (
-            all(np.array_equal(row[columns], categories) for row in found)
-            and linked.holds(np.array(found, np.int64)).all()
+            all(np.array_equal(row[columns], categories) for row in repairs)
+            and linked.holds(np.array(repairs, np.int64)).all()
         )

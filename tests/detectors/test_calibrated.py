@@ -1,4 +1,4 @@
-"""A calibrated detector keeps boxes and order, and its threshold applies to the calibrated scores."""
+"""A calibrated detector keeps boxes and order; its threshold applies to calibrated scores."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Fixed:
         return Detections(boxes, self.kept.astype(np.float32))
 
 
-def made(calibration: Calibration, **settings: Any) -> Any:
+def detector_with(calibration: Calibration, **settings: Any) -> Any:
     section = calibrated({"_target_": f"{__name__}.Fixed", **settings}, calibration)
     return component("detector", DETECTOR, section)(model="best.onnx")
 
@@ -43,15 +43,15 @@ def made(calibration: Calibration, **settings: Any) -> Any:
 )
 def test_the_threshold_counts_calibrated_scores(threshold: float, calibration: Calibration) -> None:
     expected = calibration.apply(SCORES)
-    found = made(calibration, threshold=threshold).detect(FRAME)
-    assert found.scores == pytest.approx(expected[expected >= threshold])
-    assert found.boxes[:, 2].tolist() == [10 + i for i in range(len(found.scores))]
+    detections = detector_with(calibration, threshold=threshold).detect(FRAME)
+    assert detections.scores == pytest.approx(expected[expected >= threshold])
+    assert detections.boxes[:, 2].tolist() == [10 + i for i in range(len(detections.scores))]
 
 
 def test_a_detector_without_a_threshold_keeps_its_own() -> None:
-    found = made(Calibration(2, 1)).detect(FRAME)
-    assert found.scores == pytest.approx(Calibration(2, 1).apply([0.9, 0.6, 0.5]))
+    detections = detector_with(Calibration(2, 1)).detect(FRAME)
+    assert detections.scores == pytest.approx(Calibration(2, 1).apply([0.9, 0.6, 0.5]))
 
 
 def test_it_keeps_the_contract_of_detectors() -> None:
-    check_detector(made(Calibration(2, 1), threshold=0.1), 160, 96)
+    check_detector(detector_with(Calibration(2, 1), threshold=0.1), 160, 96)

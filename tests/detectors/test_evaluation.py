@@ -21,10 +21,10 @@ def images(*people: tuple[tuple[float, ...], int, float]) -> ImageSet:
     return ImageSet(np.zeros((len(people), 96, 128, 3), np.uint8), boxes, boxes, pixels, contrast)
 
 
-def said(*found: tuple[tuple[float, ...], float]) -> Detections:
+def said(*pairs: tuple[tuple[float, ...], float]) -> Detections:
     return Detections(
-        np.array([box for box, _ in found], np.float32).reshape(-1, 4),
-        np.array([score for _, score in found], np.float32),
+        np.array([box for box, _ in pairs], np.float32).reshape(-1, 4),
+        np.array([score for _, score in pairs], np.float32),
     )
 
 
@@ -76,13 +76,13 @@ def test_barely_visible_people_are_ignored_whether_found_or_not() -> None:
 
 
 def test_false_positives_are_classified_at_the_threshold() -> None:
-    found = [
+    detections = [
         said((PERSON, 0.9), (PERSON, 0.8), (BESIDE, 0.7), (AWAY, 0.6), (AWAY, 0.4)),
         said((AWAY, 0.9)),
         said(),
         said(),
     ]
-    metrics = evaluate(found, images(VISIBLE, EMPTY, EMPTY, EMPTY), 0.5)
+    metrics = evaluate(detections, images(VISIBLE, EMPTY, EMPTY, EMPTY), 0.5)
     assert metrics["false_positives_far_an_image"] == 0.5
     assert metrics["false_positives_localisation_an_image"] == 0.25
     assert metrics["false_positives_duplicate_an_image"] == 0.25
@@ -102,13 +102,13 @@ def test_it_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_understated_scores_are_raised_and_ignored_people_do_not_count() -> None:
     hits = [said((PERSON, 0.5))] * 9 + [said((AWAY, 0.5))]
-    found = hits + [said((PERSON, 0.1))] + [said((AWAY, 0.1))] * 9 + [said((PERSON, 0.1))] * 40
-    calibration = calibrate(found, images(*[VISIBLE] * 20, *[TINY] * 40))
+    detections = hits + [said((PERSON, 0.1))] + [said((AWAY, 0.1))] * 9 + [said((PERSON, 0.1))] * 40
+    calibration = calibrate(detections, images(*[VISIBLE] * 20, *[TINY] * 40))
     assert calibration.apply([0.5, 0.1]) == pytest.approx([0.9, 0.1], abs=0.01)
 
 
 def test_a_score_at_the_threshold_counts() -> None:
-    found = [said((PERSON, 0.5))]
+    detections = [said((PERSON, 0.5))]
     assert [
-        evaluate(found, images(VISIBLE), threshold)["recall"] for threshold in (0.5, 0.5000001)
+        evaluate(detections, images(VISIBLE), threshold)["recall"] for threshold in (0.5, 0.5000001)
     ] == [1, 0]

@@ -1,4 +1,4 @@
-"""Foreign ONNX detectors: layouts are recognised, boxes are scaled back to the image, and errors are named."""
+"""Foreign ONNX detectors: recognised layouts, boxes scaled back to the image, named errors."""
 
 from __future__ import annotations
 
@@ -82,17 +82,17 @@ def test_each_layout_is_recognised_and_gives_the_one_person(
     make: object, score: float, tmp_path: Path
 ) -> None:
     detector = OnnxDetector(export(tmp_path / "model.onnx", make()), 0.5)  # type: ignore[operator]
-    found = detector.detect(Frame(IMAGE, Truth()))
-    assert found.boxes == pytest.approx(np.array([[40, 30, 60, 70]]), abs=1e-3)
-    assert found.scores == pytest.approx([score], abs=1e-5)
+    detections = detector.detect(Frame(IMAGE, Truth()))
+    assert detections.boxes == pytest.approx(np.array([[40, 30, 60, 70]]), abs=1e-3)
+    assert detections.scores == pytest.approx([score], abs=1e-5)
     check_detector(detector, WIDTH, HEIGHT)
 
 
 def test_boxes_come_back_through_scale_and_padding(tmp_path: Path) -> None:
     detector = OnnxDetector(export(tmp_path / "model.onnx", yolov8()), 0.5)
     # 320 x 160 is halved to 160 x 80 and padded by 8 rows above and below.
-    found = detector.detect(Frame(np.zeros((160, 320, 3), np.uint8), Truth()))
-    assert found.boxes == pytest.approx(np.array([[80, 44, 120, 124]]), abs=1e-3)
+    detections = detector.detect(Frame(np.zeros((160, 320, 3), np.uint8), Truth()))
+    assert detections.boxes == pytest.approx(np.array([[80, 44, 120, 124]]), abs=1e-3)
 
 
 def test_a_letterbox_keeps_proportions() -> None:
@@ -109,9 +109,9 @@ def test_a_letterbox_keeps_proportions() -> None:
 @pytest.mark.parametrize(
     ("shape", "layout"),
     [
-        ((1, 84, 8400), "yolov8"), ((1, 5, 8400), "yolov8"), ((1, 25200, 85), "yolov5"), ((1, 25200, 6), "yolov5"),
-        ((1, 300, 6), "end_to_end"),        (("batch", "n", 6), None), ((1, 8400, 84), None), ((1, 84), None),
-        ((1, "a", "b"), None),
+        ((1, 84, 8400), "yolov8"), ((1, 5, 8400), "yolov8"), ((1, 25200, 85), "yolov5"),
+        ((1, 25200, 6), "yolov5"), ((1, 300, 6), "end_to_end"), (("batch", "n", 6), None),
+        ((1, 8400, 84), None), ((1, 84), None), ((1, "a", "b"), None),
     ],
 )  # fmt: skip
 def test_shapes_identify_layouts(shape: tuple[int | str, ...], layout: str | None) -> None:
@@ -140,7 +140,8 @@ def test_a_layout_may_be_declared_if_the_shape_is_ambiguous(tmp_path: Path) -> N
     turned = export(tmp_path / "a.onnx", yolov8().transpose(0, 2, 1))
     with pytest.raises(
         InputError,
-        match=r"cannot recognise the layout .*; set detector.layout to one of yolov5, yolov8, end_to_end$",
+        match=r"cannot recognise the layout .*; set detector.layout to one of"
+        " yolov5, yolov8, end_to_end$",
     ):
         OnnxDetector(turned)
     detector = OnnxDetector(export(tmp_path / "b.onnx", end_to_end()), layout="end_to_end")
@@ -162,7 +163,8 @@ def test_a_layout_that_the_output_cannot_have_is_refused(
 ) -> None:
     with pytest.raises(
         InputError,
-        match=rf"detector.layout is {layout}, but an output \[1, \d+, \d+\] cannot have this layout$",
+        match=rf"detector.layout is {layout}, but an output \[1, \d+, \d+\]"
+        " cannot have this layout$",
     ):
         OnnxDetector(export(tmp_path / "a.onnx", output), layout=layout)
 
@@ -195,7 +197,8 @@ def test_the_class_of_a_person_is_found_in_any_letter_case(tmp_path: Path) -> No
 def test_wrong_settings_are_named(tmp_path: Path) -> None:
     with pytest.raises(
         InputError,
-        match="expected a class called pedestrian or person or people among its 3 classes, got names 0: cat",
+        match="expected a class called pedestrian or person or people among its 3 classes,"
+        " got names 0: cat",
     ):
         OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'cat', 1: 'dog', 2: 'car'}"))
     with pytest.raises(InputError, match=r"detector.person must be in \[0, 3\), got 7"):
@@ -236,7 +239,8 @@ def test_logits_and_relative_boxes_are_refused(make: Any, tmp_path: Path) -> Non
     logits[logits == np.float32(0.9)] = 7.3
     with pytest.raises(
         SimulationError,
-        match=r"returns a score of [67]\.\d+, expected scores in \[0, 1\]; apply a sigmoid to logits",
+        match=r"returns a score of [67]\.\d+, expected scores in \[0, 1\];"
+        " apply a sigmoid to logits",
     ):
         OnnxDetector(export(tmp_path / "a.onnx", logits)).detect(Frame(IMAGE, Truth()))
     shares = make()

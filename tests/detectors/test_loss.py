@@ -86,7 +86,8 @@ def test_gradients_flow_to_boxes_and_scores() -> None:
         (guesses(TRUTH) + 4).requires_grad_(),
         torch.zeros(1, len(CENTRES), requires_grad=True),
     )
-    detection_loss(boxes, logits, TRUTH, CENTRES, STRIDES).total.backward()  # type: ignore[no-untyped-call]
+    loss = detection_loss(boxes, logits, TRUTH, CENTRES, STRIDES)
+    loss.total.backward()  # type: ignore[no-untyped-call]
     assert boxes.grad is not None
     assert logits.grad is not None
     assert boxes.grad.count_nonzero() > 0
@@ -100,7 +101,7 @@ def test_a_batch_without_pedestrians_has_a_finite_loss() -> None:
 
 
 def test_the_loss_by_hand() -> None:
-    """All cells show half of the box, so the five that take it have a target of 0.5 each, together 2.5."""
+    """All cells show half of the box, so the five that take it have a target of 0.5 each."""
     boxes, logits = guesses(torch.tensor([[16.0, 8.0, 40.0, 32.0]])), torch.zeros(1, len(CENTRES))
     target = assign(boxes, logits, TRUTH, CENTRES, STRIDES)
     assert target[target > 0].tolist() == pytest.approx([0.5] * TOP)

@@ -48,26 +48,30 @@ def images(count: int) -> np.ndarray[tuple[int, int, int, int], np.dtype[np.uint
 def test_the_detector_finds_what_the_network_finds(network: Yolo, file: Path) -> None:
     with torch.inference_mode():
         boxes, scores = Deployed(network, SIZE, Calibration())(torch.from_numpy(images(1)))
-    found = OnnxDetector(file, float(scores.min()) / 2, iou=0.999).detect_images(images(1))[0]
-    assert len(found.scores) == scores.numel()
-    assert found.scores == pytest.approx(scores[0].sort(descending=True).values.numpy(), abs=1e-4)
-    assert np.sort(found.boxes, axis=0) == pytest.approx(boxes[0].sort(0).values.numpy(), abs=1e-2)
+    detections = OnnxDetector(file, float(scores.min()) / 2, iou=0.999).detect_images(images(1))[0]
+    assert len(detections.scores) == scores.numel()
+    assert detections.scores == pytest.approx(
+        scores[0].sort(descending=True).values.numpy(), abs=1e-4
+    )
+    assert np.sort(detections.boxes, axis=0) == pytest.approx(
+        boxes[0].sort(0).values.numpy(), abs=1e-2
+    )
 
 
 def test_duplicates_are_suppressed(file: Path) -> None:
-    found = OnnxDetector(file, threshold=0.001, iou=0.3).detect_images(images(1))[0]
-    overlaps = iou(found.boxes, found.boxes)
-    assert len(found.boxes) > 1
+    detections = OnnxDetector(file, threshold=0.001, iou=0.3).detect_images(images(1))[0]
+    overlaps = iou(detections.boxes, detections.boxes)
+    assert len(detections.boxes) > 1
     assert (overlaps - np.eye(len(overlaps)) <= 0.3 + 1e-6).all()
-    assert (np.diff(found.scores) <= 0).all()
+    assert (np.diff(detections.scores) <= 0).all()
 
 
 def test_images_one_by_one_and_together_agree(file: Path) -> None:
     detector = OnnxDetector(str(file), threshold=0.005)
     together = detector.detect_images(images(3))
-    for image, found in zip(images(3), together, strict=True):
+    for image, detections in zip(images(3), together, strict=True):
         alone = detector.detect(Frame(image, Truth()))
-        assert alone.scores == pytest.approx(found.scores, abs=1e-4)
+        assert alone.scores == pytest.approx(detections.scores, abs=1e-4)
 
 
 def test_without_scores_above_the_threshold_there_are_no_detections(file: Path) -> None:
@@ -141,14 +145,15 @@ def test_weights_in_another_file_are_refused_until_they_are_inside(
     )
     with pytest.raises(
         InputError,
-        match=r"best\.onnx: expected one file, but its weights are in best\.onnx\.data; put them into it: ",
-    ) as said:
+        match=r"best\.onnx: expected one file, but its weights are in best\.onnx\.data;"
+        " put them into it: ",
+    ) as error:
         OnnxDetector(path)
-    command = str(said.value).partition("put them into it: ")[2]
+    command = str(error.value).partition("put them into it: ")[2]
     subprocess.run(["bash", "-c", command.replace("python", sys.executable, 1)], check=True)
     (tmp_path / "best.onnx.data").unlink()
-    mended, whole = (OnnxDetector(one, 0.001).detect_images(images(1))[0] for one in (path, file))
-    assert np.array_equal(mended.scores, whole.scores) and len(whole.scores)
+    joined, whole = (OnnxDetector(each, 0.001).detect_images(images(1))[0] for each in (path, file))
+    assert np.array_equal(joined.scores, whole.scores) and len(whole.scores)
 
 
 @pytest.mark.parametrize("inside", ["a branch", "a node"])

@@ -13,8 +13,8 @@ RATE = 1e-3
 
 
 def model() -> Yolo:
-    made = initial_model(0, lambda: Yolo(Architecture((8, 8, 12, 16, 16), 8)))
-    return made.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
+    model = initial_model(0, lambda: Yolo(Architecture((8, 8, 12, 16, 16), 8)))
+    return model.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
 
 
 def changes(network: Yolo, muon: bool) -> dict[str, Tensor]:
@@ -36,9 +36,9 @@ def test_orthogonalised_keeps_the_directions_and_evens_their_lengths(
 ) -> None:
     matrix = torch.randn(shape, generator=torch.Generator().manual_seed(0))
     left, _, right = torch.linalg.svd(matrix, full_matrices=False)
-    found = left.T @ orthogonalised(matrix) @ right.T
-    assert (found - torch.diag(found.diag())).abs().max() < 1e-4
-    assert found.diag().min() > 0.4 and found.diag().max() < 1.5
+    rotated = left.T @ orthogonalised(matrix) @ right.T
+    assert (rotated - torch.diag(rotated.diag())).abs().max() < 1e-4
+    assert rotated.diag().min() > 0.4 and rotated.diag().max() < 1.5
 
 
 def test_muon_takes_the_steps_of_torch() -> None:
@@ -75,17 +75,15 @@ def test_without_muon_every_parameter_takes_a_first_step_of_adam() -> None:
 
 def test_a_step_of_muon_is_about_equally_long_in_all_directions() -> None:
     network = model()
-    hidden = {
-        name
-        for name, parameter in network.named_parameters()
-        if any(parameter is kernel for kernel in hidden_kernels(network))
-    }
+    kernels = set(map(id, hidden_kernels(network)))
+    hidden = {name for name, value in network.named_parameters() if id(value) in kernels}
     for name, change in changes(network, muon=True).items():
         if name not in hidden:
             assert change.abs().max() == pytest.approx(RATE, rel=0.01)
             continue
         matrix = change.permute(0, 2, 3, 1).flatten(1)
-        # Tall matrices take sqrt(outputs / inputs) of the rate; five Newton-Schulz steps bring singular values near 1, not to it.
+        # Tall matrices take sqrt(outputs / inputs) of the rate; five Newton-Schulz steps bring
+        # singular values near 1, not to it.
         lengths = torch.linalg.svdvals(matrix) / (
             MUON_FACTOR * RATE * max(1, matrix.shape[0] / matrix.shape[1]) ** 0.5
         )

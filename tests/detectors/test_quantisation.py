@@ -22,7 +22,10 @@ from tests.studies import ROOT
 
 
 def telling(network: Yolo) -> None:
-    """Make an untrained network's scores differ between cells: without normalisation its activations fade from layer to layer."""
+    """Make an untrained network's scores differ between cells.
+
+    Without normalisation its activations fade from layer to layer.
+    """
     for module in network.modules():
         if isinstance(module, nn.BatchNorm2d):
             module.momentum = 1.0
@@ -45,10 +48,10 @@ def test_quantisation_keeps_scores_and_stores_8_bit_convolutions(tmp_path: Path)
         OnnxDetector(path, threshold=0.001, iou=0.99).detect_images(images[8:])
         for path in (whole, small)
     )
-    for one, other in zip(first, second, strict=True):
-        assert np.ptp(one.scores) > 0.2, "equal scores would prove nothing"
-        assert abs(len(one.scores) - len(other.scores)) <= 3
-        assert np.abs(one.scores[:10] - other.scores[:10]).mean() < 0.1
+    for exact, quantised in zip(first, second, strict=True):
+        assert np.ptp(exact.scores) > 0.2, "equal scores would prove nothing"
+        assert abs(len(exact.scores) - len(quantised.scores)) <= 3
+        assert np.abs(exact.scores[:10] - quantised.scores[:10]).mean() < 0.1
     model = onnx.load(str(small))
     weights = {tensor.name: tensor.data_type for tensor in model.graph.initializer}
     assert sum(kind == onnx.TensorProto.INT8 for kind in weights.values()) > 10

@@ -118,15 +118,15 @@ def test_a_killed_training_reaches_the_same_weights(
     with pytest.raises(KeyboardInterrupt):
         fit(small(), Lesson(schedule, feed_until_killed, "a"), Run(checkpoint, threads=1))
     done: list[int] = []
-    told = Run(checkpoint, 1, lambda now, *_: done.append(now))
-    resumed = fit(small(), Lesson(schedule, feed, "a"), told).model
+    counted = Run(checkpoint, 1, lambda now, *_: done.append(now))
+    resumed = fit(small(), Lesson(schedule, feed, "a"), counted).model
     assert same(uninterrupted, resumed)
     assert done == [7]
     other = fit(small(), Lesson(schedule, feed, "b"), Run(checkpoint, threads=1)).model
     assert same(uninterrupted, other)
     monkeypatch.setattr(training, "program_sha256", lambda *_: "another")
     done.clear()
-    fit(small(), Lesson(schedule, feed, "b"), told)
+    fit(small(), Lesson(schedule, feed, "b"), counted)
     assert (
         done == [7]
         and torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)["identity"]
@@ -440,7 +440,8 @@ def test_a_non_finite_loss_ends_the_training_before_its_weights_are_saved(
 
     with pytest.raises(
         InputError,
-        match="the loss is not finite at iteration 8: lower learning_rate, now 0.001, or check the labels",
+        match="the loss is not finite at iteration 8: lower learning_rate, now 0.001,"
+        " or check the labels",
     ):
         fit(small(), Lesson(Schedule(0, 20, 1e-3, warm_up=3), feed), Run(checkpoint, threads=1))
     kept = torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)

@@ -46,7 +46,7 @@ def people() -> ImageSet:
 
 
 def coloured(image: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """The box of the pixels that are not grey, of any hue; a tint gives grey a chroma of 31 at most."""
+    """The box of the pixels that are not grey; a tint gives grey a chroma of 31 at most."""
     chroma = image.max(2).astype(int) - image.min(2)
     rows, columns = np.nonzero(chroma > max(31, chroma.max() / 2))
     return (
@@ -75,14 +75,14 @@ def test_a_batch_depends_on_its_seed_alone() -> None:
 def test_a_batch_is_the_same_with_any_number_of_threads() -> None:
     before = torch.get_num_threads()
     try:
-        made = []
+        batches = []
         for threads in (1, 2, 3, 7):
             torch.set_num_threads(threads)
-            made.append(batch(people(), np.arange(4), (64, 64), (1, 3)))
+            batches.append(batch(people(), np.arange(4), (64, 64), (1, 3)))
     finally:
         torch.set_num_threads(before)
-    for images, boxes in made[1:]:
-        assert np.array_equal(images, made[0][0]) and np.array_equal(boxes, made[0][1])
+    for images, boxes in batches[1:]:
+        assert np.array_equal(images, batches[0][0]) and np.array_equal(boxes, batches[0][1])
 
 
 def test_only_a_share_of_the_examples_is_relit() -> None:

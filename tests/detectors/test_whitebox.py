@@ -19,17 +19,18 @@ def layer(*rows: tuple[float, ...]) -> np.ndarray:
 
 
 def test_every_measure_by_hand() -> None:
-    # Two layers: three neurons with training ranges 0 to 1, 0 to 2 and 0 to 4; and one with a constant activation.
+    # Two layers: three neurons with training ranges 0 to 1, 0 to 2 and 0 to 4; and one with a
+    # constant activation.
     profile = Profile.of([layer((0, 0, 0), (1, 2, 4)), layer((0.0,), (0.0,))])
     box = WhiteBox(profile)
     box.show([layer((0.95, 0, 0), (0.05, 2.5, 0)), layer((0.0,), (0.0,))])
-    found = box.coverage()
-    assert found.neuron == 2 / 4
+    coverage = box.coverage()
+    assert coverage.neuron == 2 / 4
     # 0.95 and 0.05 of the first, 0 of the second (2.5 lies above its range), 0 of the third.
-    assert found.multisection == 4 / (3 * SECTIONS)
-    assert found.strong == 1 / 3
-    assert found.top == 2 / 4  # Among a layer's two most active, if active at all.
-    assert found.pairs == 1 / 3  # The first two were active together.
+    assert coverage.multisection == 4 / (3 * SECTIONS)
+    assert coverage.strong == 1 / 3
+    assert coverage.top == 2 / 4  # Among a layer's two most active, if active at all.
+    assert coverage.pairs == 1 / 3  # The first two were active together.
 
 
 def test_batches_accumulate_and_more_images_never_cover_less() -> None:
@@ -58,6 +59,8 @@ def test_the_shipped_detector_gives_its_activations() -> None:
     assert all(len(values) == 20 and (values >= 0).all() for values in layers) and len(layers) > 30
     box = WhiteBox(Profile.of(layers))
     box.show(layers)
-    found = box.coverage()
+    coverage = box.coverage()
     # On the training images themselves, every neuron that varies reaches its training maximum.
-    assert found.strong == pytest.approx(1) and 0 < found.neuron <= 1 and 0 < found.pairs <= 1
+    assert (
+        coverage.strong == pytest.approx(1) and 0 < coverage.neuron <= 1 and 0 < coverage.pairs <= 1
+    )

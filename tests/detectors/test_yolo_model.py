@@ -77,8 +77,8 @@ def test_frozen_normalisation_inside_the_kernels_gives_the_same_output_and_gradi
 
     inside, apart = shown(Folded(frozen, torch.float64)), shown(frozen)
     assert len(inside) == 4
-    for one, other in zip(inside, apart, strict=True):
-        torch.testing.assert_close(one, other)
+    for values, expected in zip(inside, apart, strict=True):
+        torch.testing.assert_close(values, expected)
 
 
 def test_each_pass_folds_anew(frozen: torch.nn.Sequential) -> None:
@@ -148,22 +148,24 @@ def test_wrong_weight_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
     with pytest.raises(
         InputError,
-        match=r"w\.safetensors: expected the weights of a detector \(weights\.safetensors\), found no file",
+        match=r"w\.safetensors: expected the weights of a detector \(weights\.safetensors\),"
+        " found no file",
     ):
         load_weights(path)
     save_weights(path, small())
     whole = path.read_bytes()
     plain = json.dumps({"widths": SMALL.widths, "head": SMALL.head})
-    foreign, one = r"w\.safetensors holds no Blindspot detector", {"x": torch.zeros(1)}
+    foreign, tensors = r"w\.safetensors holds no Blindspot detector", {"x": torch.zeros(1)}
     wrong = [
         (b"", foreign),
         (b"text", foreign),
         (whole[:-100], foreign),
-        (save(one), foreign),
-        (save(one, {"architecture": "[]"}), foreign),
+        (save(tensors), foreign),
+        (save(tensors, {"architecture": "[]"}), foreign),
         (
-            save(one, {"architecture": plain}),
-            r"w\.safetensors: expected the \d+ tensors of our network; '.+' is missing or unexpected",
+            save(tensors, {"architecture": plain}),
+            r"w\.safetensors: expected the \d+ tensors of our network;"
+            " '.+' is missing or unexpected",
         ),
     ]
     for data, message in wrong:

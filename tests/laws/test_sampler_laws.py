@@ -39,14 +39,14 @@ def run(sampler: BatchSampler, batches: int) -> tuple[Floats, Floats]:
 @pytest.mark.parametrize("portion", [1, 4, 13])
 def test_replay_in_portions_restores_the_sampler(make: Strategy, portion: int) -> None:
     points, kpi = run(make(SMALL, 3, batch_size=BATCH), 7)
-    for told in (0, 2, BATCH, 3 * BATCH + 5, 6 * BATCH):
+    for count in (0, 2, BATCH, 3 * BATCH + 5, 6 * BATCH):
         restored = make(SMALL, 3, batch_size=BATCH)
-        for start in range(0, told, portion):
-            end = min(start + portion, told)
+        for start in range(0, count, portion):
+            end = min(start + portion, count)
             restored.tell(points[start:end], kpi[start:end])
         # In the middle of a batch `ask` returns the rest.
-        end = (told // BATCH + 1) * BATCH
-        assert np.array_equal(restored.ask(), points[told:end])
+        end = (count // BATCH + 1) * BATCH
+        assert np.array_equal(restored.ask(), points[count:end])
 
 
 @EVERY
@@ -80,8 +80,8 @@ def test_samplers_survive_a_history_of_errors(make: Strategy) -> None:
 
 
 def test_results_of_other_scenarios_guide_the_first_batch() -> None:
-    told = SMALL.sample(20, np.random.default_rng(7))
-    taught = ForestSampler(SMALL, 0, batch_size=40, earlier=[(told, kpi_of(told))])
+    earlier = SMALL.sample(20, np.random.default_rng(7))
+    taught = ForestSampler(SMALL, 0, batch_size=40, earlier=[(earlier, kpi_of(earlier))])
     first, blind = taught.ask(), ForestSampler(SMALL, 0, batch_size=40).ask()
     assert first[:, 0].mean() > blind[:, 0].mean() + 1  # The KPI falls with x.
 
@@ -118,13 +118,13 @@ def test_a_mixture_that_is_not_told_attributes_searches_as_if_there_were_none() 
     nameless = Variable("person", "categorical", values=tuple("abcde"))
     heights = replace(nameless, attributes=(("height_m", (1.0, 1.1, 1.7, 1.8, 1.9)),))
     asked: dict[tuple[bool, bool], Floats] = {}
-    for person, told in ((heights, True), (heights, False), (nameless, False)):
+    for person, informed in ((heights, True), (heights, False), (nameless, False)):
         sampler = MixedSampler(
-            Space((person, *SMALL.variables)), 0, batch_size=20, uniform=0.0, attributes=told
+            Space((person, *SMALL.variables)), 0, batch_size=20, uniform=0.0, attributes=informed
         )
         points = sampler.ask()
         sampler.tell(points, np.where(points[:, 0] < 2, -1.0, 1.0))
-        asked[person is heights, told] = sampler.ask()
+        asked[person is heights, informed] = sampler.ask()
     assert np.array_equal(asked[True, False], asked[False, False])
     assert not np.array_equal(asked[True, True], asked[True, False])
 
@@ -237,9 +237,9 @@ def test_a_forest_mutates_the_failures_once_there_are_enough() -> None:
 
 
 def test_a_forest_tells_earlier_campaigns_apart() -> None:
-    told = SMALL.sample(5, np.random.default_rng(7))
-    taught = ForestSampler(SMALL, 0, earlier=[(told, kpi_of(told)), (told, kpi_of(told))])
-    assert [taught._inputs(told, campaign)[0, -3:].tolist() for campaign in range(3)] == np.eye(
+    points = SMALL.sample(5, np.random.default_rng(7))
+    taught = ForestSampler(SMALL, 0, earlier=[(points, kpi_of(points)), (points, kpi_of(points))])
+    assert [taught._inputs(points, campaign)[0, -3:].tolist() for campaign in range(3)] == np.eye(
         3
     ).tolist()
 
@@ -247,8 +247,11 @@ def test_a_forest_tells_earlier_campaigns_apart() -> None:
 def test_a_mixture_searches_with_the_settings_of_the_published_versions_and_all_that_it_knows() -> (
     None
 ):
-    told = SMALL.sample(20, np.random.default_rng(7))
-    guide = MixedSampler(SMALL, 5, failure_threshold_s=0.3, earlier=[(told, kpi_of(told))])._guide
+    points = SMALL.sample(20, np.random.default_rng(7))
+    campaigns = [(points, kpi_of(points))]
+    mixed = strategies()["mixed"](SMALL, 5, failure_threshold_s=0.3, earlier=campaigns)
+    assert isinstance(mixed, MixedSampler)
+    guide = mixed._guide
     assert (guide.seed, guide.batch_size, guide.failure_threshold_s, len(guide.earlier)) == (
         5,
         10,

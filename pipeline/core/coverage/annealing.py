@@ -1,4 +1,4 @@
-"""The kernels of covering arrays: greedy rows by coordinate ascent, and simulated annealing of the cells left uncovered."""
+"""The kernels of covering arrays: greedy rows by coordinate ascent, and simulated annealing."""
 
 from __future__ import annotations
 
@@ -15,12 +15,16 @@ from pipeline.core.space import Ints
 SHAKEN = 0.2
 """How often a random row is changed if no row is one category away from the cell."""
 FORCED = 0.1
-"""How often a random row is put into the cell with whatever other changes the clauses ask for, if there are any clauses."""
+"""How often a random row is put into the cell and the clauses that this breaks are repaired."""
 
 
 class Cover(NamedTuple):
-    """counts: (cells,) rows in each cell. cells, place: the list of uncovered cells, longer than its filled part, and each cell's place
-    in it."""
+    """The rows in each cell, and the list of uncovered cells.
+
+    counts: (cells,) rows in each cell.
+    cells: the uncovered cells, in an array that is longer than the list.
+    place: (cells,) place of each cell in the list.
+    """
 
     counts: Int32s
     cells: Int32s
@@ -63,7 +67,7 @@ def unique_cells(grid: Grid, rows: Int32s, counts: Int32s) -> Ints:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _may_change(row: Int32s, column: int, category: int, clauses: Clauses) -> bool:
-    """Whether a row still satisfies every clause that names the column after the column takes the category."""
+    """Whether a row satisfies every clause of a column after the column takes the category."""
     start, of, literal_start, literal_column, literal_category, equal = clauses
     for at in range(start[column], start[column + 1]):
         clause, satisfied = of[at], False
@@ -111,7 +115,10 @@ def best_row(grid: Grid, starts: Int32s, worth: Int32s | Ints, held: Bools, swee
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _improve(grid: Grid, row: Int32s, column: int, worth: Int32s | Ints) -> bool:
-    """Give a column its most valuable category; returns whether the row's worth increased. Ties are broken at random."""
+    """Give a column its most valuable category; returns whether the row's worth increased.
+
+    Ties are broken at random.
+    """
     size, lines, step = grid.sizes[column], grid.lines, grid.lines.step
     gains = np.zeros(size, np.int64)
     for q in range(step.shape[1]):
@@ -146,10 +153,8 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
     for i in range(left):
         cover.cells[i], cover.place[uncovered[i]] = uncovered[i], i
     constrained = len(clauses.of) > 0
-    factor, temperature = (
-        (cooling.cold / cooling.hot) ** (1.0 / max(1, cooling.iterations)),
-        cooling.hot,
-    )
+    factor = (cooling.cold / cooling.hot) ** (1.0 / max(1, cooling.iterations))
+    temperature = cooling.hot
     for _ in range(cooling.iterations):
         if left == 0:
             break
@@ -158,9 +163,8 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
         plane = np.searchsorted(first, cell, side="right") - 1
         rest = cell - first[plane]
         if constrained and np.random.random() < FORCED:
-            left = _force(
-                grid, rows[np.random.randint(len(rows))], (plane, rest), cover, (left, temperature)
-            )
+            row = rows[np.random.randint(len(rows))]
+            left = _force(grid, row, (plane, rest), cover, (left, temperature))
             continue
         r, column, category, lacking = _nearest(rows, columns[plane], stride[plane], rest, clauses)
         if r < 0 or (lacking > 1 and np.random.random() < SHAKEN):
@@ -180,9 +184,10 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
 def _force(
     grid: Grid, row: Int32s, cell: tuple[int, int], cover: Cover, state: tuple[int, float]
 ) -> int:
-    """Put a row into a cell, repair the clauses that this breaks, and keep the result by Metropolis' rule; returns the uncovered cells.
+    """Put a row into a cell, repair the broken clauses, and keep the result by Metropolis' rule.
 
-    cell: its plane and its place in the plane. state: the number of uncovered cells, and the temperature in cells.
+    cell: its plane and its place in the plane. state: the number of uncovered cells, and the
+    temperature in cells. Returns the new number of uncovered cells.
     """
     before, temperature = state
     old, new = row.copy(), row.copy()
@@ -205,13 +210,14 @@ def _force(
 def _nearest(
     rows: Int32s, columns: Int32s, stride: Int32s, cell: int, clauses: Clauses
 ) -> tuple[int, int, int, int]:
-    """The row that lacks the fewest of a cell's categories and may take one of them, that column and category, and the number it lacks.
+    """The row that lacks the fewest of a cell's categories and may take one of them.
 
-    cell: its place in the plane of these columns. The row is -1 if none may.
+    cell: its place in the plane of these columns. Returns the row, the column and category to
+    change, and the number of categories that it lacks; the row is -1 if no row may change.
     """
     free, t = len(rows), len(columns)
     start = np.random.randint(free)
-    found = (-1, -1, -1, t + 1)
+    nearest = (-1, -1, -1, t + 1)
     for offset in range(free):
         r = start + offset
         if r >= free:
@@ -224,13 +230,13 @@ def _nearest(
                 lacking += 1
                 if lacking == 1 or np.random.randint(lacking) == 0:
                     column, category = columns[position], value
-            if lacking >= found[3]:
+            if lacking >= nearest[3]:
                 break
-        if 0 < lacking < found[3] and _may_change(rows[r], column, category, clauses):
-            found = (r, column, category, lacking)
+        if 0 < lacking < nearest[3] and _may_change(rows[r], column, category, clauses):
+            nearest = (r, column, category, lacking)
             if lacking == 1:
                 break
-    return found
+    return nearest
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -247,7 +253,10 @@ def _lost(lines: Lines, row: Int32s, move: Move, counts: Int32s) -> int:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _exchange_cells(lines: Lines, row: Int32s, move: Move, cover: Cover, left: int) -> int:
-    """Count a change of one category; updates the list of the `left` uncovered cells and returns its new length."""
+    """Count a change of one category and update the list of the `left` uncovered cells.
+
+    Returns the new length of the list.
+    """
     column, category = move
     counts, cells, place = cover
     step, old = lines.step, row[column]

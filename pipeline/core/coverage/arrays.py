@@ -1,4 +1,4 @@
-"""Covering arrays: few feasible rows that contain every feasible combination of categories of any t variables."""
+"""Covering arrays: few feasible rows that contain every feasible combination of t categories."""
 
 from __future__ import annotations
 
@@ -12,27 +12,36 @@ import numpy as np
 
 from pipeline.core.constraints import Constraints
 from pipeline.core.coverage.bounds import lower_bound
-from pipeline.core.coverage.mixed import STRONGEST, Mixed, NamedPlanes, all_planes, copy_for
+from pipeline.core.coverage.mixed import STRONGEST, Mixed, all_planes, copy_for
 from pipeline.core.coverage.problem import lay_out
 from pipeline.core.coverage.search import Limit, Search
 from pipeline.core.space import Ints
 from pipeline.errors import InputError
 
 Progress = Callable[[float, int, int], None]
-"""Called with the share done (of the cells; when polishing, of the time), the current size and the lower bound."""
-QUICK_OPERATIONS = 3e8
-"""Elementary annealing steps for a quick array: a fixed number, so the same seed gives the same rows on any machine."""
+"""Called with the share done, the current number of rows and the lower bound.
 
+The share is that of the cells; when polishing, that of the time."""
+QUICK_OPERATIONS = 3e8
+"""Elementary annealing steps for a quick array.
+
+A fixed number, so the same seed gives the same rows on any machine."""
 MOST_ROWS = 100_000
-"""Rows of an array, at most: so many take about a minute, and time and memory grow with the cells."""
+"""Rows of an array, at most: these take about a minute; time and memory grow with the cells."""
 
 
 @dataclass(frozen=True)
 class Effort:
     """How long to search for a small array.
 
-    polish_s: seconds of search, positive, unless the lower bound is reached earlier; None for a fixed number of steps, so the array depends
-    on the other arguments alone. processor: whether these are seconds of processor time, which other programs do not use up.
+    Args:
+        polish_s: time limit in seconds, > 0. The search stops early at the lower bound. With None
+            it runs a fixed number of steps, so results are reproducible.
+        progress: called during the search.
+        processor: whether the limit is on processor time, which other programs do not use up.
+
+    Raises:
+        ValueError: if polish_s is not positive.
     """
 
     polish_s: float | None = None
@@ -53,7 +62,14 @@ QUICK = Effort()
 
 @dataclass(frozen=True)
 class CoveringArray:
-    """rows: (n, d) category indices. cells: number of feasible cells that are wanted, all covered. lower_bound: no array has fewer rows."""
+    """A covering array.
+
+    Attributes:
+        rows: (n, d) category indices.
+        strength: t.
+        cells: number of feasible cells that are wanted, all covered.
+        lower_bound: no array has fewer rows.
+    """
 
     rows: Ints
     strength: int
@@ -62,6 +78,7 @@ class CoveringArray:
 
     @property
     def size(self) -> int:
+        """Number of rows."""
         return len(self.rows)
 
 
@@ -73,12 +90,23 @@ def covering_array(
     seed: int = 0,
     effort: Effort = QUICK,
 ) -> CoveringArray:
-    """A covering array over the variables of `constraints`.
+    """Search for a small covering array over the variables of `constraints`.
 
-    strength: t, 1 to 6, alone or with more planes. seeds: (m, d) rows that the array starts with.
+    Args:
+        constraints: sizes of the d variables, and what is feasible.
+        strength: t, in [1, 6], alone or with more planes.
+        seeds: (m, d) rows that the array starts with.
+        seed: seed of all random draws, from 0.
+        effort: how long to search.
 
-    Raises ValueError for contradictory constraints, an infeasible seed row and a strength out of range, InputError if it needs more than
-    `MOST_ROWS` rows.
+    Raises:
+        ValueError: for contradictory constraints, an infeasible seed row or a strength out of
+            range.
+        InputError: if the array needs more than `MOST_ROWS` rows.
+
+    >>> array = covering_array(Constraints((2, 2, 2)), strength=2)
+    >>> array.size, array.cells, array.lower_bound
+    (4, 12, 4)
     """
     sizes, mixed = constraints.sizes, Mixed(strength) if isinstance(strength, int) else strength
     if not 1 <= mixed.strength <= min(STRONGEST, len(sizes)):
@@ -88,9 +116,8 @@ def covering_array(
     planes = all_planes(len(sizes), mixed)
     limits = copy_for(constraints, planes)
     if not limits.satisfiable({}):
-        raise ValueError(
-            f"clauses {', '.join(map(str, limits.contradiction()))} contradict each other: no row is feasible"
-        )
+        clauses = ", ".join(map(str, limits.contradiction()))
+        raise ValueError(f"clauses {clauses} contradict each other: no row is feasible")
     given = np.zeros((0, len(sizes)), np.int32) if seeds is None else np.asarray(seeds, np.int32)
     if (given < 0).any():
         raise ValueError("seed rows need a category for each variable")
@@ -98,13 +125,10 @@ def covering_array(
     if broken := limits.first_broken(given.astype(np.int64)):
         raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
     started = effort.clock()
-    bound = max(
-        [
-            lower_bound(sizes, mixed.strength, limits),
-            *(_bound_of(named, limits) for named in mixed.extras.planes),
-        ]
-    )
-
+    bound = lower_bound(sizes, mixed.strength, limits)
+    if not limits.clauses:  # With constraints, the emptiest plane decides, see below.
+        for named in mixed.extras.planes:
+            bound = max(bound, lower_bound([sizes[v] for v in named.variables], named.strength))
     if bound > MOST_ROWS:
         needed = f"a plan needs at least {bound:,} points, at most {MOST_ROWS:,} can be planned"
         raise InputError(f"{needed}; take fewer values or a lower strength")
@@ -122,22 +146,9 @@ def covering_array(
     else:
         limit = _limit(effort.polish_s, effort, started, bound)
         rows = search.polish(search.start(lambda: limit.spent() < limit.seconds), bound, limit)
-    rows = rows[:, : len(sizes)]
-    return CoveringArray(
-        rows.astype(np.int64),
-        mixed.strength,
-        int(search.problem.required.sum()),
-        min(bound, len(rows)),
-    )
-
-
-def _bound_of(named: NamedPlanes, constraints: Constraints) -> int:
-    """A lower bound of the rows that named planes need; 0 with constraints, where the emptiest plane decides."""
-    return (
-        0
-        if constraints.clauses
-        else lower_bound([constraints.sizes[v] for v in named.variables], named.strength)
-    )
+    categories = rows[:, : len(sizes)].astype(np.int64)
+    cells = int(search.problem.required.sum())
+    return CoveringArray(categories, mixed.strength, cells, min(bound, len(rows)))
 
 
 def _limit(seconds: float, effort: Effort, started: float, bound: int) -> Limit:
@@ -152,10 +163,28 @@ def _limit(seconds: float, effort: Effort, started: float, bound: int) -> Limit:
 
 
 def order_by_new_pairs(rows: Ints) -> Ints:
-    """Order of (n, d) rows, as (n,) indices: each next row covers the most new pairs, so prefixes cover the most."""
-    keys = _pair_keys(rows)
+    """Order rows so that each next row covers the most new pairs of categories.
+
+    Args:
+        rows: (n, d) category indices.
+
+    Returns:
+        (n,) indices of rows; ties keep the order of the rows.
+
+    >>> order_by_new_pairs(np.array([[0, 0], [0, 0], [1, 1]])).tolist()
+    [0, 2, 1]
+    """
+    # Number every pair of categories: (n, d (d - 1) / 2).
+    pairs = list(combinations(range(rows.shape[1]), 2))
+    keys = np.zeros((len(rows), len(pairs)), dtype=np.int64)
+    offset = 0
+    for position, (first, second) in enumerate(pairs if len(rows) else []):
+        size = rows[:, second].max() + 1
+        keys[:, position] = offset + rows[:, first] * size + rows[:, second]
+        offset += (rows[:, first].max() + 1) * size
     covered = np.zeros(int(keys.max(initial=-1)) + 1, dtype=bool)
-    # Gains only fall as pairs get covered, so a stale gain is an upper bound: only the head of the heap is recounted.
+    # Gains only fall as pairs get covered, so a stale gain is an upper bound: only the head of the
+    # heap is counted again.
     heap = [(-keys.shape[1], row) for row in range(len(rows))]
     heapify(heap)
     order: list[int] = []
@@ -168,16 +197,3 @@ def order_by_new_pairs(rows: Ints) -> Ints:
         order.append(row)
         covered[keys[row]] = True
     return np.array(order, dtype=np.int64)
-
-
-def _pair_keys(rows: Ints) -> Ints:
-    """(n, d) rows to (n, d (d - 1) / 2) numbers, one for each pair of categories."""
-    pairs = list(combinations(range(rows.shape[1]), 2))
-    keys = np.zeros((len(rows), len(pairs)), dtype=np.int64)
-    if not len(rows):
-        return keys
-    sizes, offset = rows.max(axis=0) + 1, 0
-    for position, (first, second) in enumerate(pairs):
-        keys[:, position] = offset + rows[:, first] * sizes[second] + rows[:, second]
-        offset += sizes[first] * sizes[second]
-    return keys

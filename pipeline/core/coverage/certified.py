@@ -22,16 +22,22 @@ def certified_array(
     seed: int = 0,
     effort: Effort = QUICK,
 ) -> CoveringArray:
-    """The smallest covering array, proved by integer programming, if the domain is small enough; else `covering_array`'s.
+    """The smallest covering array, proved by integer programming, if the domain is small enough.
 
-    Arguments and errors are those of `covering_array`. No time goes into polishing an array that is proved to be the smallest.
+    In a larger domain it is that of `covering_array`. No time goes into polishing an array that is
+    proved to be the smallest.
+
+    Args, Raises: as for `covering_array`.
+
+    >>> array = certified_array(Constraints((2, 2, 2, 2)), 2)
+    >>> array.size == array.lower_bound
+    True
     """
-    quick = covering_array(
+    array = covering_array(
         constraints, strength, seeds=seeds, seed=seed, effort=replace(effort, polish_s=None)
     )
-    array = (
-        quick if quick.size == quick.lower_bound else _proved(quick, constraints, strength, seeds)
-    )
+    if array.size > array.lower_bound:
+        array = _proved(array, constraints, strength, seeds)
     if effort.polish_s is None or array.size == array.lower_bound:
         return array
     polished = covering_array(constraints, strength, seeds=seeds, seed=seed, effort=effort)
@@ -44,9 +50,8 @@ def _proved(
 ) -> CoveringArray:
     """The array with a better bound, or a smaller one, if there is a programme for it."""
     given = np.zeros((0, len(constraints.sizes)), np.int64) if seeds is None else seeds
-    planes = all_planes(
-        len(constraints.sizes), Mixed(strength) if isinstance(strength, int) else strength
-    )
+    mixed = Mixed(strength) if isinstance(strength, int) else strength
+    planes = all_planes(len(constraints.sizes), mixed)
     limits = copy_for(constraints, planes)
     problem = lay_out(limits, planes)
     given = np.pad(given, ((0, 0), (0, len(limits.sizes) - len(constraints.sizes))))

@@ -1,7 +1,8 @@
 """The fewest points that complete k-projection coverage, with a proof (Cheng et al., Definition 5).
 
-Integer programming over the feasible points: how often to take each so that every cell gets what it still wants. Points that help the same
-cells are of one kind, and conditions without such a cell do not matter. All limits are counts, so no answer depends on time.
+Integer programming over the feasible points: how often to take each so that every cell gets what
+it still wants. Points that help the same cells are of one kind, and conditions without such a cell
+do not matter. All limits are counts, so no answer depends on time.
 """
 
 from __future__ import annotations
@@ -24,11 +25,18 @@ PART_KINDS = 300
 """The same for a bound from part of the conditions."""
 WORK = 120_000
 """Kinds times nodes of branch and bound, at most: a larger programme ends with a bound."""
+INFEASIBLE_STATUS, TOLERANCE = 2, 1e-6
+"""Of scipy's `milp`: the status, and how far a bound may lie above a whole number."""
 
 
 @dataclass(frozen=True)
 class Completion:
-    """Points that complete the coverage. categories: (m, d) indices. bound: no fewer points complete it; 0 to m."""
+    """Points that complete the coverage.
+
+    Attributes:
+        categories: (m, d) category indices.
+        bound: no fewer points complete the coverage; in [0, m].
+    """
 
     categories: Ints
     bound: int
@@ -46,7 +54,11 @@ class Completion:
 
 @dataclass(frozen=True)
 class Task:
-    """What a completion must meet. missing: (cells,) points that each cell of the problem still wants."""
+    """What a completion must meet.
+
+    constraints, problem: of the same columns.
+    missing: (cells,) points that each cell of the problem still wants.
+    """
 
     constraints: Constraints
     problem: Problem
@@ -57,16 +69,17 @@ class Task:
         """Missing points of each plane, (planes,)."""
         return np.asarray(np.add.reduceat(self.missing, self.problem.first), np.int64)
 
-    @property
-    def columns(self) -> list[int]:
-        """The conditions of the planes that lack points."""
-        columns: list[int] = np.unique(self.problem.grid.planes[self.of_plane > 0]).tolist()
-        return columns
-
 
 @dataclass(frozen=True)
 class Programme:
-    """columns: the conditions that matter. kinds: (m, columns) a point of each kind. helps: (cells, m). wanted: (cells,) points."""
+    """An integer programme of feasible points.
+
+    constraints: of all n columns.
+    columns: the conditions that matter.
+    kinds: (m, columns) a point of each kind.
+    helps: (cells, m) which cells each kind of point fills.
+    wanted: (cells,) points.
+    """
 
     constraints: Constraints
     columns: list[int]
@@ -75,9 +88,15 @@ class Programme:
     wanted: Ints
 
     def solve(self, low: int, high: float = np.inf) -> tuple[Ints | None, int]:
-        """The fewest feasible points found, (m, d), None if `low` to `high` are not found to suffice; and a bound of those needed.
+        """Solve for the fewest points.
 
-        low: a known bound. high: points of interest, one less than are known to suffice.
+        Args:
+            low: a lower bound that is already proved.
+            high: most points of interest, such as one less than are known to suffice.
+
+        Returns:
+            The points, (m, n), or None if no solution with `low` to `high` points was reached; and
+            a lower bound of the points that are needed.
         """
         if low > high:
             return None, low
@@ -94,58 +113,60 @@ class Programme:
         )
         if result.status == INFEASIBLE_STATUS:
             return None, int(high) + 1
-        bound = (
-            low
-            if result.mip_dual_bound is None
-            else max(low, int(np.ceil(result.mip_dual_bound - TOLERANCE)))
-        )
+        bound = low
+        if result.mip_dual_bound is not None:
+            bound = max(low, int(np.ceil(result.mip_dual_bound - TOLERANCE)))
         if result.x is None:
             return None, bound
         numbers = np.rint(result.x).astype(np.int64)
         assert (self.helps @ numbers >= self.wanted).all(), "a solution covers every cell"
-        return self._rows(np.repeat(self.kinds, numbers, axis=0)), bound
-
-    def _rows(self, chosen: Ints) -> Ints:
-        rows = [
-            self.constraints.complete(dict(zip(self.columns, row.tolist(), strict=True)))
-            for row in chosen
-        ]
-        return np.array(rows, np.int64)
-
-
-INFEASIBLE_STATUS, TOLERANCE = 2, 1e-6
-"""Of scipy's `milp`: the status, and how far a bound may lie above a whole number."""
+        rows = []
+        for kind in np.repeat(self.kinds, numbers, axis=0).tolist():
+            rows.append(self.constraints.complete(dict(zip(self.columns, kind, strict=True))))
+        return np.array(rows, np.int64), bound
 
 
 def whole_programme(task: Task) -> Programme | None:
-    """The programme whose solution completes the coverage; None if nothing is missing or there are too many points to list."""
-    return _programme(task, task.columns, MOST_KINDS) if task.missing.any() else None
+    """The programme whose solution completes the coverage.
+
+    None if nothing is missing, or if there are too many points to list.
+    """
+    if not task.missing.any():
+        return None
+    columns: list[int] = np.unique(task.problem.grid.planes[task.of_plane > 0]).tolist()
+    return _programme(task, columns, MOST_KINDS)
 
 
 def bound_of_part(task: Task, low: int, high: int) -> int:
-    """A bound, in `low` to `high`, of the points that complete the coverage: what some of the conditions need."""
+    """A lower bound of the points that complete the coverage: what some of the conditions need.
+
+    Args:
+        task: what is missing.
+        low: a lower bound that is already proved.
+        high: points that are known to suffice.
+
+    Returns:
+        The bound, in [low, high].
+    """
     part = _programme(task, _part(task), PART_KINDS) if low < high else None
     return low if part is None else part.solve(low, high - 1)[1]
 
 
 def _programme(task: Task, columns: list[int], most: int) -> Programme | None:
-    """The programme of all planes within the columns; None if there are too many kinds of points."""
+    """The programme of all planes within the columns; None if there are too many kinds."""
     points = _feasible_points(columns, task.constraints)
     if points is None:
         return None
     grid, place = task.problem.grid, np.zeros(len(task.problem.sizes), np.int64)
     place[columns] = np.arange(len(columns))
     inside = np.flatnonzero(np.isin(grid.planes, columns).all(axis=1))
-    cells = np.stack(
-        [
-            grid.first[plane] + points[:, place[grid.planes[plane]]] @ grid.stride[plane]
-            for plane in inside
-        ],
-        axis=1,
-    )
-    cells, first = np.unique(
-        np.where(task.missing[cells] > 0, cells, -1), axis=0, return_index=True
-    )
+    cells_of = [
+        grid.first[plane] + points[:, place[grid.planes[plane]]] @ grid.stride[plane]
+        for plane in inside
+    ]
+    cells = np.stack(cells_of, axis=1)
+    helped = np.where(task.missing[cells] > 0, cells, -1)
+    cells, first = np.unique(helped, axis=0, return_index=True)
     if len(first) > most:
         return None
     kind, at = np.nonzero(cells >= 0)
@@ -155,29 +176,32 @@ def _programme(task: Task, columns: list[int], most: int) -> Programme | None:
 
 
 def _feasible_points(columns: list[int], constraints: Constraints) -> Ints | None:
-    """The combinations of the columns' categories that some feasible point has, (m, columns); None if there are too many."""
+    """Combinations of the columns' categories that a feasible point has; None if too many."""
     points = np.zeros((1, len(constraints.sizes)), np.int64)
     for number, column in enumerate(columns):
-        size, known = constraints.sizes[column], set(columns[: number + 1])
+        size, listed = constraints.sizes[column], set(columns[: number + 1])
         if len(points) * size > MOST_POINTS:
             return None
         points = np.repeat(points, size, axis=0)
         points[:, column] = np.tile(np.arange(size), len(points) // size)
         for clause in constraints.clauses:
             named = {literal.variable for literal in clause}
-            if column in named and named <= known:
+            if column in named and named <= listed:
                 points = points[satisfied(clause, points)]
     points = points[:, columns]
     if constraints.named <= set(columns):
         return points
-    possible = [
-        constraints.satisfiable(dict(zip(columns, row.tolist(), strict=True))) for row in points
-    ]
+    possible = []
+    for row in points.tolist():
+        possible.append(constraints.satisfiable(dict(zip(columns, row, strict=True))))
     return points[np.array(possible, np.bool_)]
 
 
 def _part(task: Task) -> list[int]:
-    """Some of the columns with few points and much missing: those of the emptiest plane, then the next best that fits."""
+    """Some of the columns with few points and much missing.
+
+    They are those of the emptiest plane, then the next best that fits.
+    """
     planes, sizes, missing = task.problem.grid.planes, task.problem.sizes, task.of_plane
     part = planes[int(missing.argmax())].tolist()
     while True:

@@ -1,7 +1,8 @@
-"""Counts the points in each cell of every plane: bit sets and popcounts for small planes, histograms for others.
+"""Counts of points in the cells of all planes: bit sets for small planes, histograms for others.
 
-A category's bit set has one bit per point. The number of points in a cell is the popcount of an AND. The last category of a condition is
-never counted: its counts follow by subtraction from the plane with one condition fewer.
+A category's bit set has one bit per point. The number of points in a cell is the popcount of an
+AND. The last category of a condition is never counted: its counts follow by subtraction from the
+plane with one condition fewer.
 """
 
 from __future__ import annotations
@@ -20,15 +21,20 @@ from pipeline.core.space import Ints
 
 Words = NDArray[np.uint64]
 BLOCK_WORDS = 512
-"""Words of a bit set that are processed at a time, so that the bit sets of many categories stay in the cache."""
+"""Words of a bit set processed at a time, so that the bit sets of many categories stay in cache."""
 SMALL_CELLS = 200
 """Planes with more cells are counted by a histogram."""
 FEW_POINTS = 2048
+"""Smaller batches are counted by histograms, because setting up bit sets costs more."""
 
 
 class _Bits(NamedTuple):
-    """Points as bit sets. words: (sets, words) bit p of word w is point 64 w + p. first: the first set of each condition, which has a
-    set for each category but the last. sizes: (d,) categories of each condition."""
+    """Points as bit sets.
+
+    words: (sets, words); bit p of word w is point 64 w + p.
+    first: (d + 1,) first set of each condition, which has a set for each category but the last.
+    sizes: (d,) categories of each condition.
+    """
 
     words: Words
     first: Ints
@@ -37,8 +43,12 @@ class _Bits(NamedTuple):
 
 
 class _Cells(NamedTuple):
-    """Counts of the cells of all pairs or triples of conditions, in the order of `combinations`. start: first cell of each. wanted: the
-    pairs or triples to count."""
+    """Counts of the cells of all pairs or triples of conditions, in the order of `combinations`.
+
+    start: first cell of each pair or triple.
+    wanted: whether to count each pair or triple.
+    counts: (cells,).
+    """
 
     start: Ints
     wanted: NDArray[np.bool_]
@@ -48,98 +58,101 @@ class _Cells(NamedTuple):
 class CellCounts:
     """Counts of points in the cells of all k-subsets of conditions; points arrive in batches.
 
-    sizes: number of categories of each condition. k: 1 to d.
+    Args:
+        sizes: number of categories of each of the d conditions.
+        k: number of conditions in a plane, in [1, d].
+
+    Attributes:
+        points: number of points so far.
+        planes: (planes, k) conditions of each plane, in the order of `combinations`.
+        flat: (cells,) counts of all cells, plane after plane.
+        start: (planes,) first cell of each plane in `flat`.
+
+    Raises:
+        ValueError: if k is out of range.
+
+    >>> counts = CellCounts([2, 3], k=1)
+    >>> counts.add(np.array([[0, 2], [1, 2], [1, -1]]))
+    >>> counts.points, counts.flat.tolist()
+    (3, [1, 2, 0, 0, 2])
     """
 
     def __init__(self, sizes: Sequence[int], k: int) -> None:
         if not 1 <= k <= len(sizes):
             raise ValueError(f"k must be in [1, {len(sizes)}], got {k}")
         self.sizes, self.k, self.points = tuple(sizes), k, 0
-        self.planes = np.array(list(combinations(range(len(sizes)), k)), dtype=np.int64).reshape(
-            -1, k
-        )
+        subsets = list(combinations(range(len(sizes)), k))
+        self.planes = np.array(subsets, dtype=np.int64).reshape(-1, k)
         cells = np.prod(np.asarray(self.sizes, dtype=np.int64)[self.planes], axis=1)
-        self._start = np.concatenate([[0], np.cumsum(cells)])
-        self._counts = np.zeros(int(self._start[-1]), dtype=np.int64)
+        self._bounds = np.concatenate([[0], np.cumsum(cells)])
+        self.start: Ints = self._bounds[:-1]
+        self.flat: Ints = np.zeros(int(self._bounds[-1]), dtype=np.int64)
 
     def add(self, categories: Ints) -> None:
-        """Add (n, d) points to the counts; their category indices must be in range, or -1 for unknown, which is in no cell."""
+        """Add points to the counts.
+
+        Args:
+            categories: (n, d) category indices in range, or -1 for unknown. A point with an
+                unknown category is in no cell of that condition's planes.
+        """
         rows = np.ascontiguousarray(categories, dtype=np.int64)
         self.points += len(rows)
         if not len(rows):
             return
-        if (rows < 0).any():
-            self._add_partial(rows)
+        unknown = rows < 0
+        if unknown.any():
+            # Unknown is one more category of the conditions that have it; its cells are dropped.
+            wider = CellCounts(np.add(self.sizes, unknown.any(axis=0)).tolist(), self.k)
+            wider.add(np.where(unknown, self.sizes, rows))
+            for index, conditions in enumerate(self.planes):
+                inside = tuple(slice(self.sizes[condition]) for condition in conditions)
+                self.plane(index)[...] += wider.plane(index)[inside]
             return
-        by_bits = (
-            (np.diff(self._start) <= SMALL_CELLS) & (len(rows) >= FEW_POINTS) & (self.k in (2, 3))
-        )
+        by_bits = np.diff(self._bounds) <= SMALL_CELLS
+        by_bits &= len(rows) >= FEW_POINTS and self.k in (2, 3)
         if by_bits.any():
             self._add_by_bits(rows, by_bits)
         if not by_bits.all():
             columns, sizes = np.ascontiguousarray(rows.T), np.asarray(self.sizes, dtype=np.int64)
-            for index in np.flatnonzero(~by_bits):
-                _histogram(
-                    columns,
-                    sizes,
-                    self.planes[index],
-                    self._counts[self._start[index] : self._start[index + 1]],
-                )
-
-    def _add_partial(self, rows: Ints) -> None:
-        """Unknown is one more category of the conditions that have it; its cells are dropped."""
-        wider = CellCounts(
-            [
-                size + int((rows[:, condition] < 0).any())
-                for condition, size in enumerate(self.sizes)
-            ],
-            self.k,
-        )
-        wider.add(np.where(rows < 0, self.sizes, rows))
-        for index, chosen in enumerate(self.planes):
-            self.plane(index)[...] += wider.plane(index)[
-                tuple(slice(self.sizes[condition]) for condition in chosen)
-            ]
+            for index in np.flatnonzero(~by_bits).tolist():
+                cells = self.flat[self._bounds[index] : self._bounds[index + 1]]
+                _histogram(columns, sizes, self.planes[index], cells)
 
     def _add_by_bits(self, rows: Ints, by_bits: NDArray[np.bool_]) -> None:
+        """Count the chosen planes, (planes,), of pairs or triples of conditions by bit sets."""
         sizes = np.asarray(self.sizes, dtype=np.int64)
         # Planes of conditions with many categories are never counted by bits.
         used = np.zeros(len(sizes), dtype=np.bool_)
         used[np.unique(self.planes[by_bits])] = True
         first = np.concatenate([[0], np.cumsum(np.where(used, sizes - 1, 0))]).astype(np.int64)
         bits = _Bits(_bit_sets(rows, sizes, used, first), first, sizes, len(rows))
-        cells = _Cells(self._start[:-1], by_bits, self._counts)
+        cells = _Cells(self.start, by_bits, self.flat)
         if self.k == 2:
             _pairs(bits, cells)
             return
-        pairs_of = list(combinations(range(len(sizes)), 2))
-        pair_start = np.concatenate(
-            [[0], np.cumsum([self.sizes[i] * self.sizes[j] for i, j in pairs_of])]
-        ).astype(np.int64)
-        wanted = np.array([used[i] and used[j] for i, j in pairs_of])
-        pairs = _Cells(pair_start[:-1], wanted, np.zeros(int(pair_start[-1]), dtype=np.int64))
+        subsets = np.array(list(combinations(range(len(sizes)), 2)), dtype=np.int64)
+        pairs = _cells(np.prod(sizes[subsets], axis=1), np.all(used[subsets], axis=1))
         _pairs(bits, pairs)
-        _triples(bits, pairs, cells)
-
-    @property
-    def flat(self) -> Ints:
-        """Counts of all cells, plane after plane."""
-        return self._counts
-
-    @property
-    def start(self) -> Ints:
-        """First cell of each plane in `flat`."""
-        return self._start[:-1]
+        # Last categories are left out, and so are triples that are not wanted.
+        inner = _cells(np.prod(sizes[self.planes] - 1, axis=1) * by_bits, by_bits)
+        _triples(bits, inner)
+        _fill_triples(sizes, inner, pairs, cells)
 
     def plane(self, index: int) -> Ints:
         """Counts of the plane `planes[index]`, in the shape of its conditions' sizes."""
         shape = tuple(self.sizes[condition] for condition in self.planes[index])
-        return self._counts[self._start[index] : self._start[index + 1]].reshape(shape)
+        return self.flat[self._bounds[index] : self._bounds[index + 1]].reshape(shape)
 
     def __iter__(self) -> Iterator[tuple[tuple[int, ...], Ints]]:
         """Each plane's conditions and counts."""
         for index, conditions in enumerate(self.planes.tolist()):
             yield tuple(conditions), self.plane(index)
+
+
+def _cells(lengths: Ints, wanted: NDArray[np.bool_]) -> _Cells:
+    """Empty counts of planes with the given numbers of cells."""
+    bounds = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+    return _Cells(bounds[:-1], wanted, np.zeros(int(bounds[-1]), dtype=np.int64))
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -161,7 +174,7 @@ def _histogram(columns: Ints, sizes: Ints, chosen: Ints, counts: Ints) -> None:
 
 @njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
 def _bit_sets(rows: Ints, sizes: Ints, used: NDArray[np.bool_], first: Ints) -> Words:
-    """(categories but the last of each used condition, words): bit p of word w is point 64 w + p."""
+    """Bit sets of every category but the last of each used condition, (sets, words)."""
     points = len(rows)
     bits = np.zeros((first[-1], (points + 63) // 64), np.uint64)
     conditions = np.flatnonzero(used)
@@ -214,34 +227,32 @@ def _pairs(points: _Bits, cells: _Cells) -> None:
 
 
 @njit(cache=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
-def _triples(points: _Bits, pairs: _Cells, cells: _Cells) -> None:
-    """Add the counts of every wanted triple of conditions; pairs: the counts of every pair of the triples."""
+def _triples(points: _Bits, inner: _Cells) -> None:
+    """Add the counts of the cells without last categories of every wanted triple of conditions."""
     bits, first, sizes, _ = points
-    wanted = cells.wanted
+    start, wanted, counts = inner
     n, words = len(sizes), bits.shape[1]
     most = (first[1:] - first[:-1]).max()
     both = np.zeros((most * most, BLOCK_WORDS), np.uint64)
-    inner_start = _inner_start(sizes, wanted)
-    inner = np.zeros(inner_start[-1], np.int64)
     for low in range(0, words, BLOCK_WORDS):
         length, plane = min(BLOCK_WORDS, words - low), -1
         for i in range(n):
             for j in range(i + 1, n):
                 vi, vj = sizes[i] - 1, sizes[j] - 1
-                made = False
+                combined = False
                 for k in range(j + 1, n):
                     plane += 1
                     if not wanted[plane]:
                         continue
-                    if not made:
-                        made = True
+                    if not combined:
+                        combined = True
                         for a in range(vi):
                             for b in range(vj):
                                 for w in range(length):
                                     both[a * vj + b, w] = (
                                         bits[first[i] + a, low + w] & bits[first[j] + b, low + w]
                                     )
-                    vk, at = sizes[k] - 1, inner_start[plane]
+                    vk, at = sizes[k] - 1, start[plane]
                     for c in range(vk):
                         third = bits[first[k] + c, low : low + length]
                         for ab in range(vi * vj):
@@ -249,23 +260,7 @@ def _triples(points: _Bits, pairs: _Cells, cells: _Cells) -> None:
                             total = np.uint64(0)
                             for w in range(length):
                                 total += _popcount(row[w] & third[w])
-                            inner[at + ab * vk + c] += np.int64(total)
-    _fill_triples(sizes, _Cells(inner_start, wanted, inner), pairs, cells)
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _inner_start(sizes: Ints, wanted: NDArray[np.bool_]) -> Ints:
-    """First cell of each triple, and the number of cells, without last categories and without triples that are not wanted."""
-    n, plane = len(sizes), 0
-    start = np.zeros(len(wanted) + 1, np.int64)
-    for i in range(n):
-        for j in range(i + 1, n):
-            for k in range(j + 1, n):
-                start[plane + 1] = start[plane]
-                if wanted[plane]:
-                    start[plane + 1] += (sizes[i] - 1) * (sizes[j] - 1) * (sizes[k] - 1)
-                plane += 1
-    return start
+                            counts[at + ab * vk + c] += np.int64(total)
 
 
 @njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]

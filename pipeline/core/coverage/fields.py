@@ -11,7 +11,11 @@ from pipeline.core.space import Ints
 
 @dataclass(frozen=True)
 class Field:
-    """A field of q elements 0 to q - 1, where 0 is zero and 1 is one. add, times: (q, q)."""
+    """A field of q elements 0 to q - 1, where 0 is zero and 1 is one.
+
+    add, times: (q, q) sums and products.
+    characteristic: the prime p of which q is a power.
+    """
 
     add: Ints
     times: Ints
@@ -39,8 +43,13 @@ class Field:
 def galois_field(order: int) -> Field | None:
     """The field of `order` elements; None if the order is no prime power.
 
-    An element is a polynomial over the integers modulo p, its coefficients the digits of its number. Products are taken modulo the first
-    polynomial that leaves no zero divisors.
+    An element is a polynomial over the integers modulo p, its coefficients the digits of its
+    number. Products are taken modulo the first polynomial that leaves no zero divisors.
+
+    >>> galois_field(4).times.tolist()
+    [[0, 0, 0, 0], [0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2]]
+    >>> galois_field(6) is None
+    True
     """
     if order < 2:
         return None
@@ -55,9 +64,8 @@ def galois_field(order: int) -> Field | None:
         shifted = [digits]
         for _ in range(degree - 1):
             last = shifted[-1]
-            shifted.append(
-                (np.pad(last[:, :-1], ((0, 0), (1, 0))) + last[:, -1:] * modulus) % prime
-            )
+            raised = np.pad(last[:, :-1], ((0, 0), (1, 0)))
+            shifted.append((raised + last[:, -1:] * modulus) % prime)
         times = np.einsum("ai,ibk->abk", digits, np.array(shifted)) % prime @ weights
         if times[1:, 1:].all():
             return Field(add, times, prime)

@@ -17,8 +17,11 @@ Move = tuple[int, int]
 
 
 class Clauses(NamedTuple):
-    """The constraints of a problem: `of[start[c]:start[c + 1]]` are the clauses that name column c; the literals of a clause start at
-    literal_start[clause]: a column, a category, and whether the two must be equal."""
+    """The constraints of a problem.
+
+    `of[start[c]:start[c + 1]]` are the clauses that name column c. The literals of a clause start
+    at literal_start[clause]: a column, a category, and whether the two must be equal.
+    """
 
     start: Int32s
     of: Int32s
@@ -29,8 +32,11 @@ class Clauses(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """The cells that a column's categories reach. For column c and its q-th plane: base[c, q] is that plane's first cell, step[c, q] the
-    column's own stride, other[c, q] and other_step[c, q] the plane's other columns and their strides."""
+    """The cells that a column's categories reach.
+
+    For column c and its q-th plane: base[c, q] is that plane's first cell, step[c, q] the stride
+    of the column, other[c, q] and other_step[c, q] the plane's other columns and their strides.
+    """
 
     base: Int32s
     step: Int32s
@@ -41,8 +47,10 @@ class Lines(NamedTuple):
 class Grid(NamedTuple):
     """The cells of a problem.
 
-    sizes: (n,) categories of each column. planes: (planes, t) columns. first, stride: (planes,) first cell of each plane and (planes, t)
-    the step of each of its columns.
+    sizes: (n,) categories of each column.
+    planes: (planes, t) columns.
+    first: (planes,) first cell of each plane.
+    stride: (planes, t) step of each of its columns.
     """
 
     sizes: Int32s
@@ -55,7 +63,10 @@ class Grid(NamedTuple):
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def line_of(lines: Lines, row: Int32s, column: int, q: int) -> int:
-    """The row's cell in the column's q-th plane if the column had category 0; its other cells follow at the column's step."""
+    """The row's cell in the column's q-th plane if the column had category 0.
+
+    The cells of the column's other categories follow at the column's step.
+    """
     base, _, other, other_step = lines
     cell = base[column, q]
     for x in range(other.shape[2]):

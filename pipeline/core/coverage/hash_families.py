@@ -1,12 +1,13 @@
 """Covering arrays of strength three and more for many columns, from covering perfect hash families.
 
-A column of a family has a vector over a finite field in each of its rows, and any t columns have independent vectors in some row. The
-products of all messages with the vectors of such a row hold every cell of these columns (Sherwood, Martirosyan and Colbourn 2006).
+A column of a family has a vector over a finite field in each of its rows, and any t columns have
+independent vectors in some row. The products of all messages with the vectors of such a row hold
+every cell of these columns (Sherwood, Martirosyan and Colbourn 2006).
 """
 
 from __future__ import annotations
 
-from itertools import combinations, count
+from itertools import combinations
 from math import comb, prod
 
 import numpy as np
@@ -17,25 +18,39 @@ from pipeline.core.coverage.fields import Field, galois_field
 from pipeline.core.space import Ints
 
 DETERMINANTS = 3_000_000
-"""Sets of columns that an attempt to find a family examines."""
+"""Sets of columns that one attempt to find a family examines."""
 ATTEMPTS = 3
 TEMPERATURES = (0.8, 0.2)
 """First and last, in sets of columns without independent vectors."""
 MOST_DEPENDENT = 120
-"""Most sets of columns without independent vectors in a random family, so that a search has a chance: it found none from 130 and more."""
+"""Most sets of columns without independent vectors in a random family that is worth a search: no
+search succeeded from 130."""
 
 
 def from_hash_family(
     sizes: tuple[int, ...], strength: int, fewer_than: int, seed: int
 ) -> Int32s | None:
-    """An array from the family with the fewest rows that is found, values beyond a variable's size free; None if none is small enough.
+    """An array from the family with the fewest rows that the search finds.
 
-    A family of n rows over a field of q elements gives n (q^t - q) + q rows if each vector begins with one, else at most n (q^t - 1) + 1.
+    A family of n rows over a field of q elements gives n (q^t - q) + q rows if each vector begins
+    with one, else at most n (q^t - 1) + 1.
+
+    Args:
+        sizes: number of categories of each variable.
+        strength: t, at least 3.
+        fewer_than: the array must have fewer rows.
+        seed: seed of the search.
+
+    Returns:
+        (rows, d) categories; `FREE` beyond a variable's size. None if no family is small enough.
+
+    >>> from_hash_family((2,) * 7, strength=3, fewer_than=25, seed=1).shape
+    (15, 7)
     """
-    arithmetic = next(
-        found for order in count(max(*sizes, 2)) if (found := galois_field(order)) is not None
-    )
-    order, best = len(arithmetic.add), None
+    order = max(*sizes, 2)
+    while (arithmetic := galois_field(order)) is None:
+        order += 1
+    best = None
     for number in range((fewer_than - 1 - order) // (order**strength - order), 1, -1):
         family = searched(arithmetic, (number, len(sizes), strength), seed)
         if family is None and (number, strength) == (2, 3) and len(sizes) <= order**2 + order + 1:
@@ -51,7 +66,15 @@ def from_hash_family(
 
 
 def products(arithmetic: Field, family: Ints) -> Ints:
-    """The products of every message with the vectors of each row of a family; family: (n, columns, t)."""
+    """The products of every message with the vectors of each row of a family.
+
+    Args:
+        arithmetic: the field of q elements.
+        family: (n, columns, t) vectors.
+
+    Returns:
+        (rows, columns), each row once.
+    """
     order, strength = len(arithmetic.add), family.shape[2]
     messages, blocks = np.indices((order,) * strength).reshape(strength, -1), []
     for vectors in family:
@@ -63,66 +86,63 @@ def products(arithmetic: Field, family: Ints) -> Ints:
 
 
 def opposed(arithmetic: Field, columns: int) -> Ints:
-    """Two rows of strength 3 for up to q^2 + q + 1 columns: the powers 0, 1, 2, ... of a generator of the plane's points, and the powers
-    0, -1, -2, ...
+    """A family of two rows of strength 3 for up to q^2 + q + 1 columns.
 
-    Three powers on a line have inverses on an oval, so these are not on a line (Raaphorst, Moura and Stevens 2014).
+    The rows are the powers 0, 1, 2, ... and 0, -1, -2, ... of a generator of the plane's points.
+    Three powers on a line have inverses on an oval, so these are not on a line (Raaphorst, Moura
+    and Stevens 2014).
+
+    Returns:
+        (2, columns, 3) vectors.
     """
     powers = _powers(arithmetic)
     return np.stack([powers[:columns], np.roll(powers[::-1], 1, axis=0)[:columns]])
 
 
 def _powers(arithmetic: Field) -> Ints:
-    """The points of the projective plane in the order of a generator of them, (q^2 + q + 1, 3)."""
+    """The points of the projective plane in the order of a generator, (q^2 + q + 1, 3)."""
     add, times, order = arithmetic.add, arithmetic.times, len(arithmetic.add)
-    number = order**2 + order + 1
-    for recurrence in (
-        np.indices((order,) * 3).reshape(3, -1).T[order**2 :]
-    ):  # The first coefficient is not zero.
+    number, inverse = order**2 + order + 1, (arithmetic.times == 1).argmax(axis=1)
+    # The first coefficient of the recurrence is not zero.
+    for recurrence in np.indices((order,) * 3).reshape(3, -1).T[order**2 :]:
         powers = [np.array([0, 0, 1])]
         while len(powers) < number:
             a, b, c = times[recurrence, powers[-1]]
             powers.append(np.array([*powers[-1][1:], add[add[a, b], c]]))
-        if _points(arithmetic, np.array(powers)) == number:
-            return np.array(powers)
+        vectors = np.array(powers)
+        leading = vectors[np.arange(number), (vectors != 0).argmax(axis=1)]
+        points = times[inverse[leading][:, None], vectors]
+        if len(np.unique(points[(vectors != 0).any(axis=1)], axis=0)) == number:
+            return vectors
     raise AssertionError("every finite field has an extension of degree three")
 
 
-def _points(arithmetic: Field, vectors: Ints) -> int:
-    """Number of different points of these vectors."""
-    leading = vectors[np.arange(len(vectors)), (vectors != 0).argmax(axis=1)]
-    inverse = (arithmetic.times == 1).argmax(axis=1)
-    points = arithmetic.times[inverse[leading][:, None], vectors]
-    return len(np.unique(points[(vectors != 0).any(axis=1)], axis=0))
-
-
 def searched(arithmetic: Field, shape: tuple[int, int, int], seed: int) -> Ints | None:
-    """A family of this shape (rows, columns, t) by simulated annealing, each vector beginning with one; None if none is found."""
+    """Search for a family by simulated annealing; each vector begins with one.
+
+    Args:
+        arithmetic: the field.
+        shape: rows, columns and t of the family.
+        seed: seed of all random draws.
+
+    Returns:
+        (rows, columns, t) vectors; None if the search fails or has no chance.
+    """
     number, columns, strength = shape
     dependent = 1 - prod(1 - len(arithmetic.add) ** -power for power in range(1, strength))
     if comb(columns, strength) * dependent**number > MOST_DEPENDENT:
         return None
     subsets = np.array(list(combinations(range(columns), strength)))
-    of_column = np.array(
-        [np.flatnonzero((subsets == column).any(axis=1)) for column in range(columns)]
-    )
+    sets_of = [np.flatnonzero((subsets == column).any(axis=1)) for column in range(columns)]
+    of_column = np.array(sets_of)
     order, rng = len(arithmetic.add), np.random.default_rng(seed)
-    subtract, inverse = (
-        (arithmetic.add == np.arange(order)[:, None, None]).argmax(axis=2),
-        (arithmetic.times == 1).argmax(axis=1),
-    )
+    subtract = (arithmetic.add == np.arange(order)[:, None, None]).argmax(axis=2)
+    tables = (subtract, arithmetic.times, (arithmetic.times == 1).argmax(axis=1))
     plan = (DETERMINANTS // of_column.shape[1], *TEMPERATURES)
     for _ in range(ATTEMPTS):
         family = rng.integers(0, order, shape)
         family[:, :, 0] = 1
-        if _anneal(
-            family,
-            subsets,
-            of_column,
-            (subtract, arithmetic.times, inverse),
-            plan,
-            int(rng.integers(2**31)),
-        ):
+        if _anneal(family, subsets, of_column, tables, plan, int(rng.integers(2**31))):
             return family
     return None
 
@@ -140,9 +160,10 @@ def _anneal(
     plan: tuple[int, float, float],
     seed: int,
 ) -> bool:
-    """Change single vectors in place until any t columns are independent in some row; returns whether they are.
+    """Change single vectors in place until any t columns are independent in some row.
 
-    subsets: (sets, t) columns. of_column: the sets of each column. plan: number of steps, first and last temperature.
+    subsets: (sets, t) columns. of_column: the sets of each column. plan: number of steps, first and
+    last temperature. Returns whether it succeeds.
     """
     np.random.seed(seed)
     steps, temperature, cold = plan
@@ -157,10 +178,8 @@ def _anneal(
         if len(lacking) == 0:
             break
         temperature *= factor
-        r, column = (
-            np.random.randint(len(family)),
-            subsets[lacking[np.random.randint(len(lacking))], np.random.randint(strength)],
-        )
+        r = np.random.randint(len(family))
+        column = subsets[lacking[np.random.randint(len(lacking))], np.random.randint(strength)]
         sets, old = of_column[column], family[r, column].copy()
         family[r, column, 1:] = np.random.randint(0, len(field[0]), strength - 1)
         change = np.empty(len(sets), np.int64)
@@ -189,9 +208,8 @@ def _independent(vectors: Ints, field: Tables) -> bool:
             vectors[column, i], vectors[pivot, i] = vectors[pivot, i], vectors[column, i]
         for row in range(column + 1, len(vectors)):
             if vectors[row, column]:
-                times_of_pivot = times[
-                    times[vectors[row, column], inverse[vectors[column, column]]]
-                ]
+                factor = times[vectors[row, column], inverse[vectors[column, column]]]
                 for i in range(column, len(vectors)):
-                    vectors[row, i] = subtract[vectors[row, i], times_of_pivot[vectors[column, i]]]
+                    product = times[factor, vectors[column, i]]
+                    vectors[row, i] = subtract[vectors[row, i], product]
     return True

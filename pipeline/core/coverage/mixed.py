@@ -1,4 +1,4 @@
-"""Mixed strength: what coverage combines in addition to every k variables: named planes and single combinations."""
+"""Mixed strength: named planes and single combinations in addition to every k variables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.core.constraints import Constraints
 STRONGEST = 6
 """Most variables of a plane in a covering array, of named planes and of a single combination."""
 Planes = Mapping[tuple[int, ...], frozenset[tuple[int, ...]] | None]
-"""The variables of each plane, rising; and the cells of it that are wanted, None for all."""
+"""The variables of each plane, rising, and its cells that are wanted, None for all."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,12 @@ class NamedPlanes:
 
 @dataclass(frozen=True)
 class Combination:
-    """One cell. variables: rising. categories: of each. weight: points that are wanted in it, whatever its categories weigh."""
+    """One cell.
+
+    variables: rising.
+    categories: one of each variable.
+    weight: points that are wanted in the cell, whatever its categories weigh.
+    """
 
     variables: tuple[int, ...]
     categories: tuple[int, ...]
@@ -43,17 +48,16 @@ class Extras:
         return bool(self.planes or self.combinations)
 
     def of(self, k: int) -> Extras:
-        """The combinations of k variables alone: they change weights in the planes of every k variables."""
-        return Extras(
-            combinations=tuple(one for one in self.combinations if len(one.variables) == k)
-        )
+        """The combinations of k variables: they change weights in the planes of k variables."""
+        chosen = [cell for cell in self.combinations if len(cell.variables) == k]
+        return Extras(combinations=tuple(chosen))
 
     def weights(self) -> dict[tuple[int, ...], dict[tuple[int, ...], int]]:
         """The weights of single cells, by plane and cell."""
-        found: dict[tuple[int, ...], dict[tuple[int, ...], int]] = {}
-        for one in self.combinations:
-            found.setdefault(one.variables, {})[one.categories] = one.weight
-        return found
+        weights: dict[tuple[int, ...], dict[tuple[int, ...], int]] = {}
+        for cell in self.combinations:
+            weights.setdefault(cell.variables, {})[cell.categories] = cell.weight
+        return weights
 
 
 NOTHING = Extras()
@@ -68,7 +72,14 @@ class Mixed:
 
 
 def all_planes(count: int, mixed: Mixed) -> Planes:
-    """The planes of `count` variables: of every `strength` of them, the named ones, then those of which single cells are wanted."""
+    """The planes of `count` variables.
+
+    First those of every `strength` variables, then the named ones, then those of which single cells
+    are wanted.
+
+    >>> list(all_planes(3, Mixed(2)))
+    [(0, 1), (0, 2), (1, 2)]
+    """
     whole = [*combinations(range(count), mixed.strength)]
     for named in mixed.extras.planes:
         whole += combinations(named.variables, named.strength)
@@ -79,9 +90,11 @@ def all_planes(count: int, mixed: Mixed) -> Planes:
 
 
 def copy_for(constraints: Constraints, planes: Planes) -> Constraints:
-    """A copy for one search; with one more variable, of one category, if planes have different sizes: it fills up the smaller ones.
+    """A copy of the constraints for one search.
 
-    A copy, because a SAT solver's answers depend on earlier queries, and the same arguments must give the same rows.
+    A copy, because a SAT solver's answers depend on earlier queries, and the same arguments must
+    give the same rows. If planes have different sizes, it has one more variable of one category,
+    which fills up the smaller planes.
     """
     several = len(set(map(len, planes))) > 1
     return Constraints(constraints.sizes + (1,) * several, constraints.clauses)

@@ -14,15 +14,19 @@ from pipeline.core.coverage.mixed import Mixed, Planes, all_planes, filled_up
 from pipeline.core.space import Ints
 
 INFEASIBLE = np.int32(1 << 30)
-"""Count of a cell that no feasible point reaches or that is not wanted, so it is never uncovered."""
+"""Count of a cell that is infeasible or not wanted, so that it is never uncovered."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What must be covered. grid: the cells of all planes. required: (cells,) those that some row reaches and that are wanted.
+    """What must be covered.
 
-    If planes have different sizes, the last column has one category. It fills up the smaller planes, and the last plane is its own,
-    which is never required.
+    If planes have different sizes, the last column has one category. It fills up the smaller
+    planes, and the last plane is its own, which is never required.
+
+    Attributes:
+        grid: the cells of all planes.
+        required: (cells,) whether some row reaches the cell and it is wanted.
     """
 
     grid: Grid
@@ -47,11 +51,7 @@ class Problem:
     def literals_a_column(self) -> float:
         """Mean number of literals to check when a category changes."""
         clauses = self.grid.clauses
-        return (
-            float(np.diff(clauses.literal_start)[clauses.of].sum()) / len(self.sizes)
-            if len(clauses.of)
-            else 0.0
-        )
+        return float(np.diff(clauses.literal_start)[clauses.of].sum()) / len(self.sizes)
 
     def counts(self, rows: Int32s) -> Int32s:
         """Number of rows in each cell, (cells,); `INFEASIBLE` if it is not required."""
@@ -70,10 +70,16 @@ class Problem:
     def best_row(
         self, starts: Int32s, worth: Int32s | Ints, held: Bools, sweeps: int, seed: int
     ) -> Int32s:
-        """The most valuable row that coordinate ascent reaches from the starts; (n,).
+        """The most valuable row that coordinate ascent reaches from the starts, (n,).
 
-        starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; a row's worth is the sum over its cells. held: (n,) columns
-        that keep the start's category. Ties are broken at random, so that the search walks across plateaus.
+        Ties are broken at random, so that the search walks across plateaus.
+
+        Args:
+            starts: (m, n) feasible rows.
+            worth: (cells,) worth of a row in each cell; a row's worth is the sum over its cells.
+            held: (n,) columns that keep the start's category.
+            sweeps: most passes over all columns.
+            seed: seed of the kernels' random draws.
         """
         annealing.seed_kernels(seed)
         return np.asarray(annealing.best_row(self.grid, starts, worth, held, sweeps), np.int32)
@@ -86,10 +92,20 @@ class Problem:
         temperatures: tuple[float, float],
         seed: int,
     ) -> int:
-        """Change single categories of `rows`, in place, until every cell is covered; returns the number of uncovered cells left.
+        """Change single categories of `rows`, in place, until every cell is covered.
 
-        A move takes an uncovered cell and the row nearest to it, and gives the row one of the cell's categories. Rows stay feasible.
-        counts: of `rows` and of other, fixed rows; updated. temperatures: first and last, in cells.
+        A move takes an uncovered cell and the row nearest to it, and gives the row one of the
+        cell's categories. Rows stay feasible.
+
+        Args:
+            rows: (m, n), changed in place.
+            counts: (cells,) counts of `rows` and of other, fixed rows; updated.
+            iterations: most moves to try.
+            temperatures: first and last, in cells.
+            seed: seed of the kernels' random draws.
+
+        Returns:
+            The number of cells left uncovered.
         """
         annealing.seed_kernels(seed)
         return int(annealing.anneal(self.grid, rows, counts, Cooling(iterations, *temperatures)))
@@ -109,7 +125,12 @@ def of_strength(constraints: Constraints, strength: int) -> Problem:
 
 
 def lay_out(constraints: Constraints, planes: Planes) -> Problem:
-    """Lay a problem out for the kernels. constraints: as `copy_for` makes them for the planes."""
+    """Lay a problem out for the kernels.
+
+    Args:
+        constraints: as `copy_for` returns them for the planes.
+        planes: as `all_planes` lists them.
+    """
     n, idle = len(constraints.sizes), len(constraints.sizes) - 1
     size = np.array(constraints.sizes, np.int32)
     columns = filled_up(planes, idle)
@@ -127,52 +148,49 @@ def lay_out(constraints: Constraints, planes: Planes) -> Problem:
         if not constraints.named.isdisjoint(plane):
             cells[:] = constraints.feasible_cells(plane).ravel()
         if wanted is not None:
-            cells &= np.isin(
-                np.arange(len(cells)),
-                [np.dot(cell, stride[index, : len(plane)]) for cell in wanted],
-            )
+            numbers = [np.dot(cell, stride[index, : len(plane)]) for cell in wanted]
+            cells &= np.isin(np.arange(len(cells)), numbers)
     required[first[-2] :] &= not mixed
     lines = _lines(listed, first, stride, (n, idle if mixed else n))
-    return Problem(
-        Grid(size, listed, first[:-1], stride, lines, _clauses(n, constraints)), required
-    )
+    grid = Grid(size, listed, first[:-1], stride, lines, _clauses(n, constraints))
+    return Problem(grid, required)
 
 
 def _lines(planes: Int32s, first: Ints, stride: Int32s, columns: tuple[int, int]) -> Lines:
-    """columns: their number, and that of those that can change. A column with fewer planes than others also has lines of one cell, that of
-    the last plane."""
+    """The lines of every column; columns: number of columns, and of those that can change.
+
+    A column with fewer planes than others also has lines of one cell, that of the last plane.
+    """
     strength, last, (count, changing) = planes.shape[1], len(planes) - 1, columns
     of_column = [np.argwhere(planes == column) for column in range(changing)]
-    others = [
-        [position for position in range(strength) if position != own] for own in range(strength)
-    ]
     shape = (count, max(map(len, of_column)))
     base, step = np.full(shape, first[last], np.int32), np.zeros(shape, np.int32)
     other = np.full((*shape, strength - 1), planes[last, 0], np.int32)
     other_step = np.zeros((*shape, strength - 1), np.int32)
-    for column, found in enumerate(of_column):
-        for q, (plane, own) in enumerate(found):
-            base[column, q], step[column, q] = first[plane], stride[plane, own]
-            other[column, q], other_step[column, q] = (
-                planes[plane, others[own]],
-                stride[plane, others[own]],
-            )
+    for column, places in enumerate(of_column):
+        for q, (plane, position) in enumerate(places):
+            base[column, q], step[column, q] = first[plane], stride[plane, position]
+            other[column, q] = np.delete(planes[plane], position)
+            other_step[column, q] = np.delete(stride[plane], position)
     return Lines(base, step, other, other_step)
 
 
-def feasible_row(
-    constraints: Constraints, columns: Int32s, categories: Int32s, rng: np.random.Generator
+def feasible_rows(
+    problem: Problem, constraints: Constraints, cells: Ints, rng: np.random.Generator
 ) -> Int32s:
-    """A random feasible row with these categories in these columns; at least one such row must exist."""
-    if not constraints.clauses:
-        row: Int32s = rng.integers(0, constraints.sizes).astype(np.int32)
-        row[columns] = categories
-        return row
-    completed = constraints.complete(
-        dict(zip(columns.tolist(), categories.tolist(), strict=True)), rng
-    )
-    assert completed is not None, "a feasible cell has a feasible row"
-    return np.array(completed, np.int32)
+    """A random feasible row in each of some feasible cells, (cells, n)."""
+    rows = np.empty((len(cells), len(constraints.sizes)), np.int32)
+    for row, number in zip(rows, cells.tolist(), strict=True):
+        columns, categories = problem.cell(number)
+        if constraints.clauses:
+            fixed = dict(zip(columns.tolist(), categories.tolist(), strict=True))
+            completed = constraints.complete(fixed, rng)
+            assert completed is not None, "a feasible cell has a feasible row"
+            row[:] = completed
+        else:
+            row[:] = rng.integers(0, constraints.sizes)
+            row[columns] = categories
+    return rows
 
 
 def _clauses(columns: int, constraints: Constraints) -> Clauses:
@@ -183,7 +201,7 @@ def _clauses(columns: int, constraints: Constraints) -> Clauses:
     literals = [literal for clause in constraints.clauses for literal in clause]
     return Clauses(
         np.cumsum([0, *map(len, by_column)]).astype(np.int32),
-        np.array([index for found in by_column for index in found], np.int32),
+        np.array([index for indices in by_column for index in indices], np.int32),
         np.cumsum([0, *map(len, constraints.clauses)]).astype(np.int32),
         np.array([literal.variable for literal in literals], np.int32),
         np.array([literal.category for literal in literals], np.int32),

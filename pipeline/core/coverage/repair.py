@@ -11,18 +11,18 @@ from pipeline.core.coverage.grid import Clauses, Grid, Int32s
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def repaired(grid: Grid, row: Int32s, cell: tuple[int, int]) -> bool:
-    """Put a row into a cell and change each other column at most once until no clause is broken; returns whether that succeeds."""
+    """Put a row into a cell and change each other column at most once until no clause is broken.
+
+    cell: its plane and its place in the plane. Returns whether that succeeds.
+    """
     plane, rest = cell
     # The column that fills up a smaller plane is in it several times.
     clauses, todo = grid.clauses, np.empty(len(row) + grid.planes.shape[1], np.int32)
     held, done, end = np.zeros(len(row), np.bool_), 0, grid.planes.shape[1]
     for position in range(end):
         column = grid.planes[plane, position]
-        row[column], held[column], todo[position] = (
-            rest // grid.stride[plane, position],
-            True,
-            column,
-        )
+        row[column] = rest // grid.stride[plane, position]
+        held[column], todo[position] = True, column
         rest %= grid.stride[plane, position]
     while done < end:
         clause = _broken(row, todo[done], clauses)

@@ -12,7 +12,7 @@ from pipeline.core.coverage.bounds import lower_bound
 from pipeline.core.coverage.constructions import FREE, cyclic, doubled, factorial, orthogonal
 from pipeline.core.coverage.grid import Int32s
 from pipeline.core.coverage.hash_families import from_hash_family
-from pipeline.core.coverage.problem import Problem, feasible_row, of_strength
+from pipeline.core.coverage.problem import Problem, feasible_rows, of_strength
 from pipeline.core.coverage.symmetric import SymmetricSearch
 
 CANDIDATES = 16
@@ -21,9 +21,10 @@ ATTEMPT_OPERATIONS = 1.2e8
 OPERATIONS_A_SECOND = 6e8
 """A slow machine's approximate value, until it is measured."""
 TEMPERATURES = ((0.55, 0.13), (0.35, 0.18), (0.3, 0.08))
-"""First and last temperature of an attempt. The last keeps a regular construction intact, which may still save one row."""
+"""First and last temperature of an attempt. The last pair keeps a regular construction intact,
+which may still save one row."""
 FRESH_LONGER, FRESH_TEMPERATURES = 2.5, (0.26, 0.2)
-"""Temperatures of attempts that start from a full factorial: they need a long time at a nearly constant temperature."""
+"""Attempts that start from a full factorial need a long time at a nearly constant temperature."""
 LONGEST = 15
 """Longest attempt, as a multiple of the first."""
 SYMMETRIC_SHARE = 0.7
@@ -37,7 +38,12 @@ SHRUNK = 0.97
 
 @dataclass(frozen=True)
 class Limit:
-    """When to stop. spent: seconds since the start, by the clock that counts. tell: called with the current size."""
+    """When to stop.
+
+    seconds: time limit, > 0.
+    spent: seconds since the start, by the clock that counts.
+    tell: called with the current number of rows.
+    """
 
     seconds: float
     spent: Callable[[], float]
@@ -45,7 +51,15 @@ class Limit:
 
 
 class Search:
-    """The search for a small array: starts, and shortening by annealing."""
+    """The search for a small array: starts, and shortening by annealing.
+
+    Args:
+        problem: the cells to cover.
+        constraints: of the problem's columns.
+        given: (m, n) rows that the array starts with.
+        rng: source of all random draws.
+        covering: called with the share of covered cells and the current number of rows.
+    """
 
     def __init__(
         self,
@@ -55,19 +69,12 @@ class Search:
         rng: np.random.Generator,
         covering: Callable[[float, int], None],
     ) -> None:
-        """covering: called with the share of covered cells and the current number of rows."""
-        self.problem, self._constraints, self._given, self._rng, self._covering = (
-            problem,
-            constraints,
-            given,
-            rng,
-            covering,
-        )
-        self._nothing_held = np.zeros(len(problem.sizes), np.bool_)
+        self.problem, self._constraints, self._given = problem, constraints, given
+        self._rng, self._covering = rng, covering
 
     @property
     def free(self) -> bool:
-        """Whether constructions apply: all cells are wanted, and there are no constraints and no given rows."""
+        """Whether constructions apply: all cells are wanted, without constraints or given rows."""
         return (
             not self._constraints.clauses
             and not len(self._given)
@@ -75,7 +82,10 @@ class Search:
         )
 
     def start(self, go_on: Callable[[], bool] = lambda: True) -> Int32s:
-        """The smallest array from greedy search and known constructions. go_on: whether there is time for another construction."""
+        """The smallest array from greedy search and known constructions, (rows, n).
+
+        go_on: whether there is time for another construction.
+        """
         best = self.complete(self._given)
         if not self.free or self.problem.strength == 1:
             return best
@@ -92,7 +102,7 @@ class Search:
         return best
 
     def structured(self, rows: Int32s, bound: int, limit: Limit) -> Int32s:
-        """A smaller array from doubling or symmetry, if one is found in time; else the rows."""
+        """A smaller array from doubling or symmetry, if the time suffices; else the rows."""
         sizes, strength = tuple(self.problem.sizes.tolist()), self.problem.strength
         if not self.free:
             return rows
@@ -105,85 +115,61 @@ class Search:
                 limit.tell(len(rows))
                 return limit.spent() < SYMMETRIC_SHARE * limit.seconds
 
-            while len(rows) > bound and (found := search.smaller(len(rows), go_on)) is not None:
-                rows = min(rows, self.complete(found), key=len)
+            while len(rows) > bound and (smaller := search.smaller(len(rows), go_on)) is not None:
+                rows = min(rows, self.complete(smaller), key=len)
         return rows
 
     def _doubled(self, limit: Limit) -> Int32s:
+        """An array of strength 3 from quick arrays of strengths 3 and 2 for half of the columns."""
         order = np.argsort(-self.problem.sizes, kind="stable")
         sizes = tuple(self.problem.sizes[order].tolist())
         half = Constraints(sizes[: (len(sizes) + 1) // 2])
-        three, two = (self._small(half, strength, limit) for strength in (3, 2))
+        nothing = np.zeros((0, len(half.sizes)), np.int32)
+        operations = min(HALF_OPERATIONS, OPERATIONS_A_SECOND * limit.seconds / 8)
+        arrays = []
+        for strength in (3, 2):
+            smaller = of_strength(half, strength)
+            search = Search(smaller, half, nothing, self._rng, lambda share, size: None)
+            bound = lower_bound(half.sizes, strength)
+            arrays.append(search.shorten(search.start(), bound, operations))
+        three, two = arrays
         rows = np.empty((len(three) + (sizes[0] - 1) * len(two), len(sizes)), np.int32)
         rows[:, order] = doubled(three, two, sizes)
         return self.complete(rows)
 
-    def _small(self, constraints: Constraints, strength: int, limit: Limit) -> Int32s:
-        """A quick array of a smaller problem."""
-        nothing = np.zeros((0, len(constraints.sizes)), np.int32)
-        search = Search(
-            of_strength(constraints, strength),
-            constraints,
-            nothing,
-            self._rng,
-            lambda share, size: None,
-        )
-        operations = min(HALF_OPERATIONS, OPERATIONS_A_SECOND * limit.seconds / 8)
-        return search.shorten(search.start(), lower_bound(constraints.sizes, strength), operations)
-
     def complete(self, start: Int32s) -> Int32s:
-        """Fill the free cells of the start rows greedily, then add rows until every cell is covered."""
-        problem, counts = (
-            self.problem,
-            self.problem.counts(np.zeros((0, len(self.problem.sizes)), np.int32)),
-        )
-        rows = []
+        """Fill the free cells of (m, n) start rows greedily, then add rows until all is covered."""
+        problem, rows = self.problem, []
+        counts = problem.counts(np.zeros((0, len(problem.sizes)), np.int32))
         for row in start:
-            held = row != FREE
-            full = (
-                row.copy()
-                if held.all()
-                else self._ascend(np.array([self._any_row(row) for _ in range(2)]), counts, held)
-            )
+            held, full = row != FREE, row.copy()
+            if not held.all():
+                draws = self._rng.integers(0, problem.sizes, (2, len(row)))
+                full = self._ascend(np.where(held, row, draws).astype(np.int32), counts, held)
             problem.count(full[None], counts)
             rows.append(full)
+        nothing_held = np.zeros(len(problem.sizes), np.bool_)
         while len(uncovered := np.flatnonzero(counts == 0)):
             self._covering(1 - len(uncovered) / len(counts), len(rows))
-            chosen = uncovered[self._rng.integers(len(uncovered), size=CANDIDATES)]
-            full = self._ascend(
-                np.array([self._row_with(int(cell)) for cell in chosen]), counts, self._nothing_held
-            )
+            cells = uncovered[self._rng.integers(len(uncovered), size=CANDIDATES)]
+            starts = feasible_rows(problem, self._constraints, cells, self._rng)
+            full = self._ascend(starts, counts, nothing_held)
             problem.count(full[None], counts)
             rows.append(full)
         return np.array(rows, np.int32).reshape(-1, len(problem.sizes))
 
     def _ascend(self, starts: Int32s, counts: Int32s, held: Bools) -> Int32s:
-        return self.problem.best_row(
-            starts, (counts == 0).astype(np.int32), held, SWEEPS, int(self._rng.integers(2**31))
-        )
-
-    def _any_row(self, row: Int32s) -> Int32s:
-        return np.where(row == FREE, self._rng.integers(0, self.problem.sizes), row).astype(
-            np.int32
-        )
-
-    def _row_with(self, cell: int) -> Int32s:
-        """A random feasible row in a cell."""
-        columns, categories = self.problem.cell(cell)
-        return feasible_row(self._constraints, columns, categories, self._rng)
+        uncovered, seed = (counts == 0).astype(np.int32), int(self._rng.integers(2**31))
+        return self.problem.best_row(starts, uncovered, held, SWEEPS, seed)
 
     def shorten(self, rows: Int32s, bound: int, operations: float) -> Int32s:
         """Remove rows, several at a time while that succeeds, until the steps are spent."""
-        away, fails = max(1, len(rows) // 12), 0
-        while operations > 0 and len(rows) > max(bound, len(self._given)):
+        away, fails, bound = max(1, len(rows) // 12), 0, max(bound, len(self._given))
+        while operations > 0 and len(rows) > bound:
             spent = min(operations, ATTEMPT_OPERATIONS * 0.4)
             operations -= spent
-            shorter = self._without(
-                rows,
-                min(away, len(rows) - max(bound, len(self._given))),
-                spent,
-                TEMPERATURES[fails % 2],
-            )
+            temperatures = TEMPERATURES[fails % 2]
+            shorter = self._without(rows, min(away, len(rows) - bound), spent, temperatures)
             if shorter is not None:
                 rows = shorter
             else:
@@ -193,35 +179,31 @@ class Search:
     def polish(self, rows: Int32s, bound: int, limit: Limit) -> Int32s:
         """Remove rows until the time is spent or the bound is reached.
 
-        A failed attempt makes the next one longer and changes its temperatures: which ones work depends on the problem, so temperatures
-        that succeeded are kept.
+        A failed attempt makes the next one longer and changes its temperatures. Which ones work
+        depends on the problem, so temperatures that succeeded are kept.
         """
         rows = self.structured(rows, bound, limit)
         fails, way, away, bound = 0, 0, max(1, len(rows) // 12), max(bound, len(self._given))
-        # Near the product of the two largest sizes a regular start gets further than the greedy array.
+        # Near the product of the two largest sizes a regular start gets further than a greedy one.
         fresh = self.problem.strength == 2 and self.free and len(rows) < 1.15 * bound
         speed = OPERATIONS_A_SECOND
         while (left := limit.seconds - limit.spent()) > 0 and len(rows) > bound:
             limit.tell(len(rows))
             again = fresh and fails % 4 == 3
-            operations = min(
-                ATTEMPT_OPERATIONS * (1 + fails) * (FRESH_LONGER if again else 1), speed * left
-            )
+            longer = FRESH_LONGER if again else 1
+            operations = min(ATTEMPT_OPERATIONS * (1 + fails) * longer, speed * left)
             begun = limit.spent()
             if again:
-                shorter = self._annealed(
-                    self._balanced(len(rows) - 1), operations, FRESH_TEMPERATURES
-                )
+                balanced = self._balanced(len(rows) - 1)
+                shorter = self._annealed(balanced, operations, FRESH_TEMPERATURES)
             else:
-                shorter = self._without(
-                    rows, min(away, len(rows) - bound), operations, TEMPERATURES[way]
-                )
+                fewer = min(away, len(rows) - bound)
+                shorter = self._without(rows, fewer, operations, TEMPERATURES[way])
             if shorter is not None:
                 rows, fails = shorter, 0
                 continue
-            speed = operations / max(
-                1e-3, limit.spent() - begun
-            )  # A failed attempt used up all its steps.
+            # A failed attempt used up all its steps.
+            speed = operations / max(1e-3, limit.spent() - begun)
             way = (way + (not again)) % len(TEMPERATURES)
             if away > 1:
                 away = max(1, away // 2)
@@ -232,12 +214,11 @@ class Search:
     def _without(
         self, rows: Int32s, away: int, operations: float, temperatures: tuple[float, float]
     ) -> Int32s | None:
-        """An array with `away` rows fewer; None if annealing does not find one."""
+        """An array with `away` rows fewer; None if annealing does not reach one."""
         given = len(self._given)
         unique = self.problem.unique_cells(rows)
-        order = (
-            np.argsort(unique[given:] + self._rng.random(len(rows) - given), kind="stable") + given
-        )
+        rank = unique[given:] + self._rng.random(len(rows) - given)
+        order = np.argsort(rank, kind="stable") + given
         kept = np.ascontiguousarray(np.delete(rows, order[:away], axis=0))
         return self._annealed(kept, operations, temperatures) if len(kept) > given else None
 
@@ -250,13 +231,15 @@ class Search:
             problem.strength + problem.literals_a_column
         )
         seed, iterations = int(self._rng.integers(2**31)), max(1000, int(operations / step))
-        left = problem.anneal(
-            rows[len(self._given) :], problem.counts(rows), iterations, temperatures, seed
-        )
+        free, counts = rows[len(self._given) :], problem.counts(rows)
+        left = problem.anneal(free, counts, iterations, temperatures, seed)
         return rows if left == 0 else None
 
     def _balanced(self, count: int) -> Int32s:
-        """Rows to anneal: the two largest columns as a full factorial, the other columns with every category equally often."""
+        """Rows to anneal: the two largest columns as a full factorial, others balanced.
+
+        Balanced: every category equally often beside each category of the largest column.
+        """
         sizes = self.problem.sizes
         first, second, *others = np.argsort(-sizes, kind="stable").tolist()
         pairs = int(sizes[first] * sizes[second])
@@ -265,7 +248,6 @@ class Search:
         for column in others:
             for category in range(sizes[first]):
                 at = np.flatnonzero(rows[:pairs, first] == category)
-                rows[at, column] = self._rng.permutation(
-                    np.resize(self._rng.permutation(sizes[column]), len(at))
-                )
+                repeated = np.resize(self._rng.permutation(sizes[column]), len(at))
+                rows[at, column] = self._rng.permutation(repeated)
         return rows

@@ -17,10 +17,18 @@ def anneal_starters(
     plan: tuple[int, int, float, float],
     seed: int,
 ) -> int:
-    """Change single categories of `rows`, in place, until they cover every class of cells; returns the classes left uncovered.
+    """Change single categories of `rows`, in place, until they cover every class of cells.
 
-    of_cell: (cells,) class of each. counts: (classes,) of the rows and of fixed ones; updated. plan: number of categories, of steps, first
-    and last temperature.
+    Args:
+        lines: of the problem.
+        of_cell: (cells,) class of each cell.
+        counts: (classes,) counts of the rows and of fixed ones; updated.
+        rows: (m, n), changed in place.
+        plan: number of categories, number of steps, first and last temperature.
+        seed: seed of the random draws.
+
+    Returns:
+        The number of classes left uncovered.
     """
     np.random.seed(seed)
     categories, steps, temperature, cold = plan
@@ -51,10 +59,8 @@ def _exchange_classes(
     step, old, more = lines.step, row[column], 0
     for q in range(step.shape[1]):
         cell = line_of(lines, row, column, q)
-        gone, come = (
-            of_cell[cell + old * step[column, q]],
-            of_cell[cell + category * step[column, q]],
-        )
+        gone = of_cell[cell + old * step[column, q]]
+        come = of_cell[cell + category * step[column, q]]
         counts[gone] -= 1
         more += counts[gone] == 0
         more -= counts[come] == 0

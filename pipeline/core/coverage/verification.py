@@ -1,10 +1,15 @@
-"""Checks a covering array independently of the code that makes it: sets of tuples, and backtracking instead of a SAT solver."""
+"""Checks a covering array independently of the code that makes it.
+
+It uses sets of tuples, and backtracking instead of a SAT solver.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+
+import numpy as np
 
 from pipeline.core.constraints import Clause, Constraints, Literal
 from pipeline.core.coverage.mixed import Mixed, all_planes
@@ -13,8 +18,15 @@ from pipeline.core.variable import Ints
 
 @dataclass(frozen=True)
 class Verification:
-    """broken: (row, clause) for each row and clause that it breaks. missing: (variables, categories) of feasible cells that no other row
-    covers."""
+    """The result of a check.
+
+    Attributes:
+        rows: number of rows.
+        cells: number of feasible cells.
+        infeasible: number of infeasible cells.
+        broken: (row, clause) for each row and each clause that it breaks.
+        missing: (variables, categories) of feasible cells that no feasible row covers.
+    """
 
     rows: int
     cells: int
@@ -24,6 +36,7 @@ class Verification:
 
     @property
     def valid(self) -> bool:
+        """Whether no row breaks a clause and no feasible cell is missing."""
         return not self.broken and not self.missing
 
 
@@ -33,28 +46,39 @@ def verify(
     strength: int | Mixed,
     progress: Callable[[int, int], None] | None = None,
 ) -> Verification:
-    """Check (n, d) category indices against every plane of `strength` variables, and against more planes of a mixed strength."""
+    """Check rows against every plane of a strength.
+
+    Args:
+        rows: (n, d) category indices.
+        constraints: over the d variables.
+        strength: t, alone or with more planes.
+        progress: called with the planes checked and the number of planes.
+
+    >>> verify(np.array([[0, 0], [0, 1], [1, 1]]), Constraints((2, 2)), 2).missing
+    (((0, 1), (1, 0)),)
+    """
     listed = [tuple(int(category) for category in row) for row in rows]
-    broken = [
-        (i, j)
-        for i, row in enumerate(listed)
-        for j, clause in enumerate(constraints.clauses)
-        if not any((row[x.variable] == x.category) == x.equal for x in clause)
-    ]
-    out = {row for row, _ in broken}
-    feasible = [row for i, row in enumerate(listed) if i not in out]
+    broken: list[tuple[int, int]] = []
+    feasible = []
+    for i, row in enumerate(listed):
+        before = len(broken)
+        for j, clause in enumerate(constraints.clauses):
+            satisfied = {(row[x.variable] == x.category) == x.equal for x in clause}
+            if True not in satisfied:
+                broken.append((i, j))
+        if len(broken) == before:
+            feasible.append(row)
+    covering = np.array(feasible, np.int64).reshape(-1, len(constraints.sizes))
+    domains = {v: set(range(constraints.sizes[v])) for v in constraints.named}
     missing, cells, infeasible = [], 0, 0
-    planes = all_planes(
-        len(constraints.sizes), Mixed(strength) if isinstance(strength, int) else strength
-    )
+    mixed = Mixed(strength) if isinstance(strength, int) else strength
+    planes = all_planes(len(constraints.sizes), mixed)
     for done, (plane, wanted) in enumerate(planes.items()):
-        seen = {tuple(row[v] for v in plane) for row in feasible}
-        for cell in (
-            product(*(range(constraints.sizes[v]) for v in plane))
-            if wanted is None
-            else sorted(wanted)
-        ):
-            if cell in seen or _feasible(constraints, dict(zip(plane, cell, strict=True))):
+        seen = set(map(tuple, covering[:, list(plane)].tolist()))
+        every = product(*(range(constraints.sizes[v]) for v in plane))
+        for cell in every if wanted is None else sorted(wanted):
+            fixed = {v: {category} for v, category in zip(plane, cell, strict=True)}
+            if cell in seen or _search(domains | fixed, constraints.clauses):
                 cells += 1
                 if cell not in seen:
                     missing.append((plane, cell))
@@ -65,24 +89,15 @@ def verify(
     return Verification(len(listed), cells, infeasible, tuple(broken), tuple(missing))
 
 
-def _feasible(constraints: Constraints, fixed: Mapping[int, int]) -> bool:
-    """Whether a point with the fixed categories satisfies every clause."""
-    domains = {
-        v: {fixed[v]} if v in fixed else set(range(constraints.sizes[v]))
-        for v in constraints.named | fixed.keys()
-    }
-    return _search(domains, constraints.clauses)
-
-
 def _search(domains: dict[int, set[int]], clauses: tuple[Clause, ...]) -> bool:
-    undecided = None
-    changed = True
+    """Whether the domains hold a point that satisfies every clause."""
+    undecided, changed = None, True
     while changed:
         changed, undecided = False, None
         for clause in clauses:
-            if any(_true(domains, literal) for literal in clause):
+            if any(domains[x.variable] == _with(domains, x)[x.variable] for x in clause):
                 continue
-            possible = [literal for literal in clause if not _true(domains, _negated(literal))]
+            possible = [literal for literal in clause if _with(domains, literal)[literal.variable]]
             if not possible:
                 return False
             if len(possible) == 1:
@@ -91,25 +106,12 @@ def _search(domains: dict[int, set[int]], clauses: tuple[Clause, ...]) -> bool:
                 undecided = possible[0]
     if undecided is None:
         return True
-    return any(
-        _search(_with(domains, literal), clauses) for literal in (undecided, _negated(undecided))
-    )
-
-
-def _true(domains: Mapping[int, set[int]], literal: Literal) -> bool:
-    domain = domains[literal.variable]
-    return domain == {literal.category} if literal.equal else literal.category not in domain
-
-
-def _negated(literal: Literal) -> Literal:
-    return Literal(literal.variable, literal.category, not literal.equal)
+    negated = Literal(undecided.variable, undecided.category, not undecided.equal)
+    return any(_search(_with(domains, literal), clauses) for literal in (undecided, negated))
 
 
 def _with(domains: dict[int, set[int]], literal: Literal) -> dict[int, set[int]]:
+    """The domains without the points that break a literal."""
     domain = domains[literal.variable]
-    return {
-        **domains,
-        literal.variable: domain & {literal.category}
-        if literal.equal
-        else domain - {literal.category},
-    }
+    category = {literal.category}
+    return {**domains, literal.variable: domain & category if literal.equal else domain - category}

@@ -1,4 +1,4 @@
-"""White-box coverage: the share of a network's behaviour that a set of images triggers (thesis section 3.4.2)."""
+"""White-box coverage: the share of a network's behaviour that images trigger (thesis 3.4.2)."""
 
 from __future__ import annotations
 
@@ -11,37 +11,46 @@ from numpy.typing import NDArray
 Activations = NDArray[np.float32]
 """(images, neurons) of one layer."""
 SECTIONS = 10
+"""Sections of a neuron's training range."""
 TOP = 2
+"""Most active neurons of a layer that count."""
 
 
 @dataclass(frozen=True)
 class Profile:
-    """The range of each neuron over the training images: (neurons,) lowest and highest activation of each layer."""
+    """The range of each neuron over the training images.
+
+    low, high: for each layer (neurons,) the lowest and highest activation.
+    """
 
     low: tuple[Activations, ...]
     high: tuple[Activations, ...]
 
     @staticmethod
     def of(layers: Sequence[Activations]) -> Profile:
-        """The profile of training images, at least one image."""
-        return Profile(
-            tuple(layer.min(axis=0) for layer in layers),
-            tuple(layer.max(axis=0) for layer in layers),
-        )
+        """The profile of at least one training image; layers: (images, neurons) of each layer."""
+        low = tuple(layer.min(axis=0) for layer in layers)
+        return Profile(low, tuple(layer.max(axis=0) for layer in layers))
 
     def joined(self, other: Profile) -> Profile:
         """The profile of both sets of images together."""
         low = tuple(np.minimum(a, b) for a, b in zip(self.low, other.low, strict=True))
-        return Profile(
-            low, tuple(np.maximum(a, b) for a, b in zip(self.high, other.high, strict=True))
-        )
+        high = tuple(np.maximum(a, b) for a, b in zip(self.high, other.high, strict=True))
+        return Profile(low, high)
 
 
 @dataclass(frozen=True)
 class WhiteBoxCoverage:
-    """Shares in [0, 1]. neuron: active at least once. multisection: sections of the neurons' training ranges that were reached, of
-    `SECTIONS` each. strong: activated at least as much as by any training image. top: among the `TOP` most active of their layer at
-    least once. pairs: pairs of neurons of a layer that were active together (2-way sparse)."""
+    """Shares in [0, 1].
+
+    Attributes:
+        neuron: neurons that were active at least once.
+        multisection: sections of the neurons' training ranges that were reached, of `SECTIONS`
+            each.
+        strong: neurons activated at least as much as by any training image.
+        top: neurons that were among the `TOP` most active of their layer at least once.
+        pairs: pairs of neurons of a layer that were active together (2-way sparse).
+    """
 
     neuron: float
     multisection: float
@@ -51,9 +60,19 @@ class WhiteBoxCoverage:
 
 
 class WhiteBox:
-    """Accumulates the coverage of images shown in batches, against the profile of the training images.
+    """Accumulates the coverage of images, shown in batches.
 
-    A neuron that is constant over the training images has no sections and cannot be strongly active, but still counts as a neuron.
+    A neuron that is constant over the training images has no sections and cannot be strongly
+    active, but still counts as a neuron.
+
+    Args:
+        profile: of the training images.
+
+    >>> layer = np.array([[0.0, 1.0, 0.0]], np.float32)
+    >>> box = WhiteBox(Profile.of([np.array([[0, 0, 0], [1, 1, 1]], np.float32)]))
+    >>> box.show([layer])
+    >>> round(box.coverage().neuron, 3)
+    0.333
     """
 
     def __init__(self, profile: Profile) -> None:
@@ -66,10 +85,9 @@ class WhiteBox:
         self._pairs = [np.zeros((size, size), bool) for size in sizes]
 
     def show(self, layers: Sequence[Activations]) -> None:
-        """Add the activations of a batch of images, one array per layer."""
-        for i, (values, low, high) in enumerate(
-            zip(layers, self._profile.low, self._profile.high, strict=True)
-        ):
+        """Add a batch of images; layers: (images, neurons) activations of each layer."""
+        ranges = zip(layers, self._profile.low, self._profile.high, strict=True)
+        for i, (values, low, high) in enumerate(ranges):
             active = values > 0
             self._active[i] |= active.any(axis=0)
             moved = high > low
@@ -79,19 +97,16 @@ class WhiteBox:
             together = active.astype(np.float32)
             self._pairs[i] |= together.T @ together > 0
             inside = (values >= low) & (values <= high) & moved
-            section = np.minimum(
-                (values - low) / np.where(moved, high - low, 1) * SECTIONS, SECTIONS - 1
-            ).astype(int)
+            place = (values - low) / np.where(moved, high - low, 1) * SECTIONS
+            section = np.minimum(place, SECTIONS - 1).astype(int)
             image, neuron = np.nonzero(inside)
             self._sections[i][neuron, section[image, neuron]] = True
 
     def coverage(self) -> WhiteBoxCoverage:
         """Coverage of all images so far."""
         neurons = sum(len(active) for active in self._active)
-        moved = sum(
-            int((high > low).sum())
-            for low, high in zip(self._profile.low, self._profile.high, strict=True)
-        )
+        ranges = zip(self._profile.low, self._profile.high, strict=True)
+        moved = sum(int((high > low).sum()) for low, high in ranges)
         pairs = sum(len(active) * (len(active) - 1) // 2 for active in self._active)
         met = sum(int(np.triu(layer, 1).sum()) for layer in self._pairs)
         return WhiteBoxCoverage(

@@ -1,4 +1,4 @@
-"""The base of all estimators of a failure rate: they ask for tests, are told the KPIs, and know the rate."""
+"""The base of all estimators of a failure rate: they choose tests and compute the rate."""
 
 from __future__ import annotations
 
@@ -18,11 +18,20 @@ from pipeline.core.space import Floats, Space
 class Estimator(ABC):
     """Estimates how often tests fail under an exposure (thesis Def. 4.11), by ask and tell.
 
-    Its state is its history: telling the same rows again, in the batches asked, restores it. Only the last batch may be told in part. Once
-    it knows enough, `ask` returns no point.
+    A new estimator implements `ask` and `rate`. Its state is its history: telling the same rows
+    again, in the batches asked, restores it. Only the last batch may be told in part. Once the rate
+    is certain enough, `ask` returns no point.
 
-    space: of the scenario. seed: from 0. exposure: see `Exposure.from_dict`. budget: most tests, from 100. failure_threshold_s: a KPI at or
-    below it is a failure (Def. 4.10).
+    Args:
+        space: of the scenario.
+        seed: from 0.
+        exposure: see `Exposure.from_dict`.
+        budget: most tests, at least 100.
+        failure_threshold_s: a KPI at or below it is a failure (Def. 4.10).
+        batch_size: tests per batch.
+
+    Raises:
+        ValueError: if the seed or the budget is out of range, or the exposure does not fit.
     """
 
     space: Space
@@ -42,10 +51,15 @@ class Estimator(ABC):
 
     @abstractmethod
     def ask(self) -> Floats:
-        """The next points to test, (b, d); none, (0, d), once the rate is known as well as it will be."""
+        """The next points to test, (b, d); none, (0, d), when no further test will be used."""
 
     def tell(self, points: Floats, kpi: Floats) -> None:
-        """Record the KPI of asked points, in the order asked: (b, d) and (b,), NaN for an error."""
+        """Record the KPI of asked points, in the order asked.
+
+        Args:
+            points: (b, d).
+            kpi: (b,), NaN for an error.
+        """
         self._kpi = np.concatenate([self._kpi, kpi])
 
     @abstractmethod
@@ -53,7 +67,7 @@ class Estimator(ABC):
         """The rate after the tests so far."""
 
     def _rng(self) -> np.random.Generator:
-        """The generator of the next batch: it depends on the seed and the number of tests before it alone."""
+        """The generator of the next batch: it depends on the seed and the number of tests alone."""
         return np.random.default_rng([self.seed, len(self._kpi)])
 
     @property

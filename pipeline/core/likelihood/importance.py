@@ -1,4 +1,7 @@
-"""Importance sampling: more tests where a meta-model expects failures, each weighted by how often the road shows it."""
+"""Importance sampling: more tests where a meta-model expects failures.
+
+Each test is weighted by how often the road shows it.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,11 @@ from pipeline.core.samplers.features import features
 from pipeline.core.space import Floats, Ints
 
 ENOUGH_FAILURES = 20
-"""Random failures before the meta-model chooses: a failure mode with a fifth of them is missed once in a hundred times."""
+"""Random failures before the meta-model chooses.
+
+A failure mode with a fifth of them is missed once in a hundred times."""
 DEFENSIVE = 0.2
-"""Share of the later tests drawn from the exposure itself, so that no weight exceeds 1 / DEFENSIVE."""
+"""Share of later tests drawn from the exposure itself, so that no weight exceeds 1 / DEFENSIVE."""
 GROWTH = 1.25
 """The meta-model is fitted again after this many times as many tests."""
 FEW = "too few failures in the first half of the budget for a meta-model, so all tests were random"
@@ -23,18 +28,23 @@ FEW = "too few failures in the first half of the budget for a meta-model, so all
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class ImportanceSampling(Estimator):
-    """Tests where a meta-model of the failure probability expects failures, and weights them so that the rate is unbiased.
+    """Tests where a meta-model expects failures, and weights them so that the rate is unbiased.
 
-    First, random tests of the exposure, until 20 fail or half of the budget is spent; they train the meta-model and enter no rate. Then
-    each batch comes from a pool of random points of the exposure. A point is chosen with a probability of 0.2 / n + 0.8 s / Σ s, where s is
-    its failure probability by the meta-model: a defensive mixture (Hesterberg 1995). Its weight is the uniform probability 1 / n over that,
-    at most 5. The pool is itself a random sample of the exposure, so no density is needed, and categories and constraints are no problem.
+    First, random tests of the exposure, until 20 fail or half of the budget is spent; they train
+    the meta-model and enter no rate. Then each batch comes from a pool of random points of the
+    exposure. A point is chosen with a probability of 0.2 / n + 0.8 s / Σ s, where s is its failure
+    probability by the meta-model: a defensive mixture (Hesterberg 1995). Its weight is the uniform
+    probability 1 / n over that, at most 5. The pool is itself a random sample of the exposure, so
+    no density is needed, and categories and constraints are no problem.
 
-    The interval has the variance of the weights and that of the pools. If the weights of the failures are worth fewer than 20 equal ones,
-    it is one that holds whatever weights unseen failures have. If half of the budget shows fewer failures, all tests are random and the
-    interval is that of `exact`.
+    The interval has the variance of the weights and that of the pools. If the weights of the
+    failures are worth fewer than 20 equal ones, the interval is that of `bounded`, which holds
+    whatever weights unseen failures have. If half of the budget shows fewer failures, all tests are
+    random and the interval is that of `exact`. The other parameters are those of `Estimator`.
 
-    pool: points of a pool. trees: of the meta-model.
+    Args:
+        pool: points of a pool.
+        trees: trees of the meta-model.
     """
 
     pool: int = 20_000
@@ -75,23 +85,19 @@ class ImportanceSampling(Estimator):
 
     def rate(self) -> Rate:
         if self._random == len(self._kpi):
-            return self._rate(
-                self._failures / max(self._tests, 1), exact(self._failures, self._tests), FEW
-            )
+            limits = exact(self._failures, self._tests)
+            return self._rate(self._failures / max(self._tests, 1), limits, FEW)
         later = np.arange(len(self._kpi)) >= self._random
         valid = ~np.isnan(self._kpi) & later
-        failed, tests = (
-            self._weights[valid & (self._kpi <= self.failure_threshold_s)],
-            float(valid.sum()),
-        )
+        failed = self._weights[valid & (self._kpi <= self.failure_threshold_s)]
+        tests = float(valid.sum())
         if valid.sum() < later.sum():
-            # The rate is that of the conditions without errors, which tests that search failures may meet more or less often than the road.
+            # This rate covers error-free conditions only, which a search for failures samples at a
+            # different rate than traffic does.
             tests = float(later.sum() * self._weights[valid].sum() / self._weights[later].sum())
         if not len(failed) or failed.sum() ** 2 < ENOUGH_FAILURES * (failed @ failed):
-            return self._rate(
-                min(1.0, float(failed.sum()) / max(tests, 1)),
-                bounded(failed, 1 / DEFENSIVE, max(tests, 1)),
-            )
+            limits = bounded(failed, 1 / DEFENSIVE, max(tests, 1))
+            return self._rate(min(1.0, float(failed.sum()) / max(tests, 1)), limits)
         value = min(1.0, float(failed.sum()) / tests)
         # Each pool is itself a sample, whose error all tests from it share.
         shares = np.bincount(self._pool_of[valid]) / valid.sum()
@@ -101,23 +107,24 @@ class ImportanceSampling(Estimator):
 
     @property
     def _learning(self) -> bool:
-        """Whether the next tests are random: until there are enough failures, and forever if half of the budget does not show them."""
+        """Whether the next tests are random.
+
+        They are until there are enough failures, and forever if half of the budget shows too few.
+        """
         return self._random == len(self._kpi) and (
             self._failures < ENOUGH_FAILURES or len(self._kpi) > self.budget / 2
         )
 
     def _fit(self) -> None:
         """Fit the meta-model to all tests, and weigh a new pool by it."""
-        rng = np.random.default_rng(
-            [self.seed, len(self._kpi), 1]
-        )  # Not that of the batch: asking twice fits once.
-        known = ~np.isnan(self._kpi)
-        inputs, kpi = features(self.space, self._points[known]), self._kpi[known]
+        # Not the generator of the batch: asking twice fits once.
+        rng = np.random.default_rng([self.seed, len(self._kpi), 1])
+        valid = ~np.isnan(self._kpi)
+        inputs, kpi = features(self.space, self._points[valid]), self._kpi[valid]
         points = self._exposure.sample(self.pool, rng)
         others = features(self.space, points)
-        trees = tree_chances(inputs, kpi <= self.failure_threshold_s, self.trees, rng)(others).mean(
-            axis=0
-        )
+        forest = tree_chances(inputs, kpi <= self.failure_threshold_s, self.trees, rng)
+        trees = forest(others).mean(axis=0)
         score = joined(trees, linear_chances(inputs, kpi, self.failure_threshold_s)(others)) + 1e-12
         chances = DEFENSIVE / len(points) + (1 - DEFENSIVE) * score / score.sum()
         self._pools.append((points, chances / chances.sum()))

@@ -13,10 +13,14 @@ from pipeline.core.space import Floats
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class MonteCarlo(Estimator):
-    """Draws independent tests of the exposure; their failures are binomial, so the interval is exact.
+    """Draws independent tests of the exposure.
 
-    below: a limit of the rate, in (0, 1). With it, the tests stop as soon as the rate is known to be below or above it, and the interval
-    allows for the check after every batch.
+    Their failures are binomial, so the interval is exact. The other parameters are those of
+    `Estimator`.
+
+    Args:
+        below: a limit of the rate, in (0, 1). With it, the tests stop as soon as the rate is
+            certainly below or above it, and the interval allows for the check after every batch.
     """
 
     below: float | None = None
@@ -27,18 +31,16 @@ class MonteCarlo(Estimator):
             raise ValueError(f"below must be in (0, 1), got {self.below}")
 
     def ask(self) -> Floats:
-        if len(self._kpi) >= self.budget or self._settled():
+        settled = len(self._kpi) >= self.budget
+        if self.below is not None:
+            # Whether the evidence suffices that the rate is below the limit, or above it.
+            counts = (self._failures, self._tests, self.below)
+            under, over = evidence(*counts, above=False), evidence(*counts, above=True)
+            settled = settled or bool(under > -np.log(2 * TAIL) or over > -np.log(TAIL))
+        if settled:
             return self._none
         return self._exposure.sample(self.batch_size, self._rng())
 
     def rate(self) -> Rate:
         limits = (exact if self.below is None else anytime)(self._failures, self._tests)
         return self._rate(self._failures / max(self._tests, 1), limits)
-
-    def _settled(self) -> bool:
-        if self.below is None:
-            return False
-        under, over = (
-            evidence(self._failures, self._tests, self.below, above) for above in (False, True)
-        )
-        return bool(under > -np.log(2 * TAIL) or over > -np.log(TAIL))

@@ -16,12 +16,22 @@ TINY = 1e-9
 def reweighted(
     exposure: Exposure, points: Floats, failed: NDArray[np.bool_], errors: int = 0
 ) -> Rate:
-    """The failure rate under an exposure from independent tests that were drawn uniformly from its space.
+    """The failure rate under an exposure from independent uniform tests of its space.
 
-    points, failed: (n, d) and (n,), of tests without an error. Each test has the weight exposure / uniform: a test that the road shows
-    often counts for many. The interval holds whatever weights unseen failures have, so it is wide where few tests have most of the weight.
-    With errors, the rate is that of the conditions without: they may be rarer or more frequent on the road than in the uniform tests. With
-    constraints, the weights are known up to a factor, so they are divided by their mean.
+    Each test has the weight exposure / uniform: a test that the road shows often counts for many.
+    The interval holds whatever weights unseen failures have, so it is wide where few tests have
+    most of the weight. With errors, the rate covers error-free conditions only, which may be rarer
+    or more frequent on the road than in uniform tests. With constraints, the weights are certain up
+    to a factor, so they are divided by their mean.
+
+    Args:
+        exposure: how often the road shows each point.
+        points: (n, d) tests without an error, n at least 1.
+        failed: (n,) whether each failed.
+        errors: number of tests with an error.
+
+    Raises:
+        ValueError: without tests.
     """
     if not len(points):
         raise ValueError("expected at least one test without an error")

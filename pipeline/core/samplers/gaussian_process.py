@@ -1,4 +1,7 @@
-"""Meta-model testing with a Gaussian process (thesis section 4.4.3, Appendix B, and Table 6.1, row 6)."""
+"""Meta-model testing with a Gaussian process.
+
+Source: thesis section 4.4.3, Appendix B, and Table 6.1, row 6.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +14,19 @@ from pipeline.core.space import Floats
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class GaussianProcessSampler(MetaModelSampler):
-    """Predicts the KPI by the posterior mean of a Gaussian process with a radial basis function kernel (thesis
-    Appendix B, Eq. (7) and (.11) to (.15)).
+    """Predicts the KPI by the posterior mean of a Gaussian process with an RBF kernel.
 
-    The search and its other parameters are those of `pipeline.core.samplers.meta_model.MetaModelSampler`.
-
-    The KPI is standardised, so that its prior has mean 0 and variance 1. Hyperparameters: `length`, the kernel's sigma, and `noise`, the
+    Source: thesis Appendix B, Eq. (7) and (.11) to (.15). The KPI is standardised, so that its
+    prior has mean 0 and variance 1. Hyperparameters: `length`, the kernel's sigma, and `noise`, the
     variance of an observation.
 
-    The prediction of Algorithm 2 is the mean (section 4.4.3). The thesis does not use the deviation in the search; `kappa` does.
+    The prediction of Algorithm 2 is the mean (section 4.4.3). The thesis does not use the deviation
+    in the search; `kappa` does. The search and its other parameters are those of
+    `MetaModelSampler`.
 
-    kappa: standard deviations to subtract from the mean, 0 to 100; above 0, uncertain candidates are tested sooner.
+    Args:
+        kappa: standard deviations to subtract from the mean, in [0, 100]; above 0, uncertain
+            candidates are tested sooner.
     """
 
     grid: ClassVar[tuple[Hyperparameters, ...]] = tuple(
@@ -41,18 +46,11 @@ class GaussianProcessSampler(MetaModelSampler):
     def fit(
         self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int
     ) -> MetaModel:
-        from sklearn.gaussian_process import (
-            GaussianProcessRegressor,
-        )  # Takes seconds, and every study makes every strategy to check it.
+        # Takes seconds to import, and every study constructs every strategy to check it.
+        from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF
 
         kernel, noise = RBF(hyperparameters["length"]), hyperparameters["noise"]
-        process = GaussianProcessRegressor(
-            kernel, alpha=noise, optimizer=None, normalize_y=True
-        ).fit(inputs, kpi)
-
-        def predict(others: Floats) -> tuple[Floats, Floats]:
-            mean, deviation = process.predict(others, return_std=True)
-            return mean, deviation
-
-        return predict
+        process = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None, normalize_y=True)
+        process.fit(inputs, kpi)
+        return lambda others: process.predict(others, return_std=True)

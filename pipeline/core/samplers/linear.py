@@ -1,4 +1,7 @@
-"""Meta-model testing with linear regression (thesis section 4.4.3, Eq. 4.28 to 4.32, and Table 6.1, row 4)."""
+"""Meta-model testing with linear regression.
+
+Source: thesis section 4.4.3, Eq. 4.28 to 4.32, and Table 6.1, row 4.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,9 @@ from pipeline.core.space import Floats
 class LinearSampler(MetaModelSampler):
     """Predicts the KPI as a weighted sum of the inputs, with an intercept; no hyperparameters.
 
-    The search and its other parameters are those of `pipeline.core.samplers.meta_model.MetaModelSampler`.
-
-    Eq. 4.32 has no inverse, because the inputs of a category add up to 1. The solution of Eq. 4.31 with the least norm is used instead.
+    The search and its parameters are those of `MetaModelSampler`. Eq. 4.32 has no inverse, because
+    the inputs of a category add up to 1; the solution of Eq. 4.31 with the least norm is used
+    instead.
     """
 
     def fit(

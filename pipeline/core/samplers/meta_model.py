@@ -1,4 +1,7 @@
-"""Meta-model testing: the tests that a regression predicts to be the worst (thesis Algorithm 2, section 4.4.3)."""
+"""Meta-model testing: the tests that a regression predicts to be the worst.
+
+Source: thesis Algorithm 2, section 4.4.3.
+"""
 
 from __future__ import annotations
 
@@ -18,26 +21,38 @@ from pipeline.core.space import Floats
 TEST_SHARE = 0.25
 """Share of the tests on which hyperparameters are compared."""
 ENOUGH = 8
-"""Fewest tests that are split for a comparison; with fewer, the first hyperparameters of the grid apply."""
+"""Fewest tests that are split for a comparison; with fewer, the first hyperparameters apply."""
 
 MetaModel = Callable[[Floats], tuple[Floats, Floats]]
-"""From inputs (n, f) to the scaled KPI and the standard deviation of each prediction, (n,) and (n,); 0 if the model has none."""
+"""From inputs (n, f) to the scaled KPI (n,) and the standard deviation of each prediction (n,).
+
+The deviation is 0 if the model has none."""
 Hyperparameters = Mapping[str, Any]
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class MetaModelSampler(BatchSampler):
-    """Fits a regression of the KPI and tests the candidates with the lowest prediction, and others at random.
+    """Fits a regression of the KPI and tests the candidates with the lowest prediction.
 
-    The first batch is random. Then each batch chooses the hyperparameters, fits the model to all tests, predicts a fixed-size candidate
-    set (FSCS) of uniform, untested points and takes from its sampling-relevant ones (Def. 4.20) the lowest b1 and b2 others at random.
-    If too few candidates are relevant, random tests fill the batch. The inputs are numbers and one-hot categories.
+    The first batch is random. Then each batch chooses the hyperparameters, fits the model to all
+    tests, predicts a fixed-size candidate set (FSCS) of uniform, untested points and takes from its
+    sampling-relevant ones (Def. 4.20) the lowest b1 and b2 others at random. If too few candidates
+    are relevant, random tests fill the batch. The inputs are numbers and one-hot categories.
 
     The thesis gives no size of the set, no b1 and b2, and no grid.
 
-    candidates: size of the candidate set, at least the batch size. explore: b2 as a share of the batch, in [0, 1]. failure_threshold_s: a
-    KPI at or below it is a failure. epsilon: radius of the ball, on the mixed distance, in (0, 10]. omega_threshold: negative; a candidate
-    is relevant above it. tune_every: batches from one choice of hyperparameters to the next, at least 1; the thesis has 1.
+    Args:
+        space, seed, batch_size: as for `BatchSampler`.
+        candidates: size of the candidate set, in [batch_size, 100000].
+        explore: b2 as a share of the batch, in [0, 1].
+        failure_threshold_s: a KPI at or below it is a failure, in (0, 10] s.
+        epsilon: radius of the ball, on the mixed distance, in (0, 10].
+        omega_threshold: a candidate is relevant above it, in [-100000, 0).
+        tune_every: batches from one choice of hyperparameters to the next, in [1, 1000]; the thesis
+            has 1.
+
+    Raises:
+        ValueError: if a parameter is out of range.
     """
 
     grid: ClassVar[tuple[Hyperparameters, ...]] = ({},)
@@ -68,10 +83,22 @@ class MetaModelSampler(BatchSampler):
     def fit(
         self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int
     ) -> MetaModel:
-        """Fit the model to inputs (n, f) and KPIs scaled to [0, 1], (n,), n at least 1; equal arguments give equal models."""
+        """Fit the model; equal arguments give equal models.
+
+        Args:
+            inputs: (n, f), n at least 1.
+            kpi: (n,) KPIs scaled to [0, 1].
+            hyperparameters: an element of `grid`.
+            seed: seed of the fit's random draws.
+        """
 
     def rank(self, kpi: Floats, deviation: Floats) -> Floats:
-        """The order in which candidates are tested, lowest first, from what the model predicts of them, (n,): the KPI."""
+        """The order in which candidates are tested, lowest first, (n,): here the predicted KPI.
+
+        Args:
+            kpi: (n,) predicted KPI of each candidate.
+            deviation: (n,) standard deviation of each prediction.
+        """
         return kpi
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
@@ -83,64 +110,62 @@ class MetaModelSampler(BatchSampler):
         failures = kpi[observed] <= self.failure_threshold_s
         omega = relevance(self.space, candidates, points[observed], failures, self.epsilon)
         relevant = candidates[omega > self.omega_threshold]
-        order = (
-            np.argsort(self.rank(*self._predict(index, points, kpi, relevant)), kind="stable")
-            if len(relevant)
-            else np.arange(0)
-        )
+        order = np.arange(0)
+        if len(relevant):
+            hyperparameters = self._hyperparameters(index, points, kpi)
+            inputs, values = self._inputs(points[observed]), scaled(kpi[observed])
+            model = self.fit(inputs, values, hyperparameters, self.seed + index)
+            order = np.argsort(self.rank(*model(self._inputs(relevant))), kind="stable")
         randoms = round(self.explore * self.batch_size)
         lowest, others = np.split(order, [min(self.batch_size - randoms, len(order))])
         chosen = relevant[np.concatenate([lowest, rng.permutation(others)[:randoms]])]
         return fill(self.space, chosen, points, self.batch_size, rng)
 
-    def _predict(
-        self, index: int, points: Floats, kpi: Floats, candidates: Floats
-    ) -> tuple[Floats, Floats]:
-        observed = ~np.isnan(kpi)
-        model = self.fit(
-            self._inputs(points[observed]),
-            scaled(kpi[observed]),
-            self._hyperparameters(index, points, kpi),
-            self.seed + index,
-        )
-        return model(self._inputs(candidates))
-
     def _hyperparameters(self, index: int, points: Floats, kpi: Floats) -> Hyperparameters:
-        """Those chosen at the last batch that was due, from the history at that time, so a replay needs no further state."""
+        """Those chosen at the last batch that was due, from the history at that time.
+
+        So a replay needs no further state.
+        """
         due = index - (index - 1) % self.tune_every
         if self._tuned[0] != due:
             before = slice(due * self.batch_size)
             observed = ~np.isnan(kpi[before])
-            self._tuned = (
-                due,
-                self.tune(
-                    self._inputs(points[before][observed]),
-                    scaled(kpi[before][observed]),
-                    self.seed + due,
-                ),
-            )
+            inputs = self._inputs(points[before][observed])
+            values = scaled(kpi[before][observed])
+            self._tuned = due, self.tune(inputs, values, self.seed + due)
         return self._tuned[1]
 
     def tune(self, inputs: Floats, kpi: Floats, seed: int) -> Hyperparameters:
-        """The hyperparameters of the grid with the least mean squared error on a random test set, fitted to the others."""
+        """The hyperparameters with the least mean squared error on a random test set.
+
+        Args: as for `fit`.
+        """
         if len(self.grid) == 1 or len(inputs) < ENOUGH:
             return self.grid[0]
         order = np.random.default_rng([seed, 1]).permutation(len(inputs))
         test, development = np.split(order, [round(TEST_SHARE * len(order))])
-        models = [self.fit(inputs[development], kpi[development], each, seed) for each in self.grid]
-        return self.grid[
-            int(np.argmin([np.mean((model(inputs[test])[0] - kpi[test]) ** 2) for model in models]))
-        ]
+        errors = []
+        for hyperparameters in self.grid:
+            model = self.fit(inputs[development], kpi[development], hyperparameters, seed)
+            errors.append(np.mean((model(inputs[test])[0] - kpi[test]) ** 2))
+        return self.grid[int(np.argmin(errors))]
 
     def _inputs(self, points: Floats) -> Floats:
         return features(self.space, points, attributes=False)
 
 
 def scaled(kpi: Floats) -> Floats:
-    """(n,) KPIs, infinite ones included but no NaN, scaled to [0, 1] from the lowest to the highest (Def. 4.21).
+    """Scale KPIs to [0, 1] from the lowest to the highest (Def. 4.21).
 
-    One very high KPI would make all others look alike. So KPIs, infinite ones too, are clipped at the lowest plus four times the distance
-    from there to the third quartile. Equal KPIs are all 0.5.
+    A single very high KPI would make all others look alike. So KPIs, infinite ones too, are clipped
+    at the lowest plus four times the distance from there to the third quartile. Equal KPIs are all
+    0.5.
+
+    Args:
+        kpi: (n,), infinite ones included, but no NaN.
+
+    >>> scaled(np.array([0.0, 1.0, 2.0, np.inf])).tolist()
+    [0.0, 0.5, 1.0, 1.0]
     """
     finite = kpi[np.isfinite(kpi)]
     if not len(finite) or np.ptp(finite) == 0:

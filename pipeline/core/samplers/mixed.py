@@ -2,51 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
-from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.forest import ForestSampler
 from pipeline.core.samplers.untested import fill, untested
-from pipeline.core.space import Floats, Space
+from pipeline.core.space import Floats
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
-class MixedSampler(BatchSampler):
-    """Fills a share of each batch with random tests and leaves the rest to forest-guided testing, which learns from both.
+class MixedSampler(ForestSampler):
+    """Fills a share of each batch with random tests; forest-guided testing fills the rest.
 
-    A detector trained on failures alone forgets what it knew, because failures crowd in darkness, rain and fog. Random tests show it the
-    rest of the space, like a defensive mixture in importance sampling (Owen and Zhou, 2000).
+    The forest learns from both. A detector trained on failures alone forgets what it has learnt,
+    because failures crowd in darkness, rain and fog. Random tests show it the rest of the space,
+    like a defensive mixture in importance sampling (Owen and Zhou, 2000). The other parameters are
+    those of `ForestSampler`.
 
-    uniform: share of random tests, in [0, 1]; they come first in each batch. attributes: whether the forest knows the attributes of
-    categories, such as a person's height. failure_threshold_s, earlier: as in `ForestSampler`.
+    Args:
+        uniform: share of random tests, in [0, 1]; they come first in each batch.
+        attributes: whether the forest uses the attributes of categories, such as a person's
+            height.
+
+    Raises:
+        ValueError: if a parameter is out of range.
     """
 
     uniform: float = 0.5
     attributes: bool = True
-    failure_threshold_s: float = 0.1
-    earlier: Sequence[tuple[Floats, Floats]] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.limit("[0, 1]", "uniform")
-        self.limit("(0, 10]", "failure_threshold_s")
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         drawn = fill(self.space, points[:0], points, self._random, rng)
         if self._random == self.batch_size:
             return drawn
         guided = self._guide._choose(index, points, kpi, rng)
-        return fill(
-            self.space,
-            np.concatenate([drawn, guided[untested(guided, drawn)]]),
-            points,
-            self.batch_size,
-            rng,
-        )
+        chosen = np.concatenate([drawn, guided[untested(guided, drawn)]])
+        return fill(self.space, chosen, points, self.batch_size, rng)
 
     @property
     def _random(self) -> int:
@@ -54,26 +51,9 @@ class MixedSampler(BatchSampler):
 
     @cached_property
     def _guide(self) -> ForestSampler:
-        space = self.space if self.attributes else _without_attributes(self.space)
-        # Settings with which the published versions searched. Whether the forest's newer defaults teach more was not measured.
-        return ForestSampler(
-            space,
-            self.seed,
-            batch_size=self.batch_size - self._random,
-            candidates=3000,
-            mutants=0.75,
-            refinements=0,
-            kinds=0.1,
-            explore=0.1,
-            explore_until=1,
-            exploitation=0,
-            trees=60,
-            failure_threshold_s=self.failure_threshold_s,
-            earlier=self.earlier,
-        )
-
-
-def _without_attributes(space: Space) -> Space:
-    return replace(
-        space, variables=tuple(replace(variable, attributes=()) for variable in space.variables)
-    )
+        settings = {field.name: getattr(self, field.name) for field in fields(ForestSampler)}
+        settings["batch_size"] = self.batch_size - self._random
+        if not self.attributes:
+            plain = [replace(variable, attributes=()) for variable in self.space.variables]
+            settings["space"] = replace(self.space, variables=tuple(plain))
+        return ForestSampler(**settings)

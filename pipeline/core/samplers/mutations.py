@@ -8,7 +8,18 @@ from pipeline.core.space import Floats, Space
 
 
 def mutate(space: Space, parents: Floats, rng: np.random.Generator, most: int = 3) -> Floats:
-    """Each of (n, d) parents with one to `most` variables drawn anew, (n, d); a child that breaks a constraint is a random point."""
+    """Draw some variables of each parent anew.
+
+    Args:
+        space: of the points.
+        parents: (n, d).
+        rng: source of all random draws.
+        most: largest number of variables to change, at least 1.
+
+    Returns:
+        (n, d) children with one to `most` variables changed; a child that would break a constraint
+        is a random point instead.
+    """
     fresh = space.sample(len(parents), rng)
     count = rng.integers(1, min(most, len(space)) + 1, size=(len(parents), 1))
     changed = rng.random(parents.shape).argsort(axis=1) < count

@@ -18,11 +18,11 @@ Layers = list[tuple[Floats, Floats]]
 
 
 class NetworkSampler(MetaModelSampler):
-    """Predicts the KPI by a feed-forward network: tanh in the hidden layers and a sigmoid at the output, as the KPI is in [0, 1].
+    """Predicts the KPI by a feed-forward network.
 
-    The search and its other parameters are those of `pipeline.core.samplers.meta_model.MetaModelSampler`.
-
-    Trained by L-BFGS on the mean squared error plus an L2 penalty on the weights. scikit-learn's regressor has no sigmoid output.
+    It has tanh in the hidden layers and a sigmoid at the output, as the KPI is in [0, 1], which
+    scikit-learn's regressor does not offer. L-BFGS minimises the mean squared error plus an L2
+    penalty on the weights. The search and its parameters are those of `MetaModelSampler`.
     """
 
     grid: ClassVar[tuple[Hyperparameters, ...]] = tuple(
@@ -34,23 +34,25 @@ class NetworkSampler(MetaModelSampler):
     def fit(
         self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int
     ) -> MetaModel:
-        layers = train(
-            inputs,
-            kpi,
-            hyperparameters["hidden"],
-            hyperparameters["penalty"],
-            np.random.default_rng(seed),
-        )
+        hidden, penalty = hyperparameters["hidden"], hyperparameters["penalty"]
+        layers = train(inputs, kpi, hidden, penalty, np.random.default_rng(seed))
         return lambda others: (forward(layers, others)[-1][:, 0], np.zeros(len(others)))
 
 
 def train(
     inputs: Floats, kpi: Floats, hidden: tuple[int, ...], penalty: float, rng: np.random.Generator
 ) -> Layers:
-    """A network with `hidden` units in each hidden layer, fitted to inputs (n, f) and KPIs in [0, 1] (n,)."""
-    from scipy.optimize import (
-        minimize,
-    )  # Takes half a second, and every study makes every strategy to check it.
+    """Fit a network.
+
+    Args:
+        inputs: (n, f).
+        kpi: (n,), in [0, 1].
+        hidden: units of each hidden layer.
+        penalty: of the squared weights, at least 0.
+        rng: source of the initial weights.
+    """
+    # Takes half a second to import, and every study constructs every strategy to check it.
+    from scipy.optimize import minimize
 
     shapes = list(pairwise((inputs.shape[1], *hidden, 1)))
     start = [(rng.normal(size=shape) / np.sqrt(shape[0]), np.zeros(shape[1])) for shape in shapes]
@@ -60,10 +62,10 @@ def train(
         loss, gradients = loss_and_gradients(layers, inputs, kpi, penalty)
         return loss, _packed(gradients)
 
-    found: Any = minimize(
+    minimum: Any = minimize(
         objective, _packed(start), jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS}
     )
-    return _unpacked(found.x, shapes)
+    return _unpacked(minimum.x, shapes)
 
 
 def forward(layers: Layers, inputs: Floats) -> list[Floats]:
@@ -80,13 +82,14 @@ def forward(layers: Layers, inputs: Floats) -> list[Floats]:
 def loss_and_gradients(
     layers: Layers, inputs: Floats, kpi: Floats, penalty: float
 ) -> tuple[float, Layers]:
-    """Squared errors plus `penalty` times the squared weights, both summed and divided by the number of tests; and its gradients."""
+    """Squared errors plus `penalty` times the squared weights, both summed, a test; its gradients.
+
+    Args: as for `train`.
+    """
     outputs, count = forward(layers, inputs), len(kpi)
     error = outputs[-1][:, 0] - kpi
-    loss = (
-        float(error @ error + penalty * sum(float(np.sum(weights**2)) for weights, _ in layers))
-        / count
-    )
+    squares = sum(float(np.sum(weights**2)) for weights, _ in layers)
+    loss = float(error @ error + penalty * squares) / count
     signal = (2 / count * error * outputs[-1][:, 0] * (1 - outputs[-1][:, 0]))[:, None]
     gradients: Layers = []
     for (weights, _), before in zip(reversed(layers), reversed(outputs[:-1]), strict=True):

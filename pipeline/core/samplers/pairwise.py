@@ -11,20 +11,22 @@ from pipeline.core.space import Floats
 
 
 class PairwiseSampler(BatchSampler):
-    """Executes a covering array in the order that covers new pairs soonest, then draws at random; ignores test results.
+    """Executes a covering array in the order that covers new pairs soonest, then random tests.
 
-    The sequence depends only on space and seed, so versions under comparison execute the same tests.
+    It ignores test results. The sequence depends only on space and seed, so versions under
+    comparison execute the same tests.
     """
 
     learns = False
 
     @cached_property
     def plan(self) -> Floats:
-        """The covering array, (rows, d) points at the representatives of their categories, in the order of execution."""
-        from pipeline.core.coverage.arrays import (
-            covering_array,
-            order_by_new_pairs,
-        )  # Compiles, and every study makes every strategy.
+        """The covering array in the order of execution, (rows, d).
+
+        The points are the representatives of their categories.
+        """
+        # Takes long to import, and every study constructs every strategy.
+        from pipeline.core.coverage.arrays import covering_array, order_by_new_pairs
 
         rows = covering_array(self.space.constraints, min(2, len(self.space)), seed=self.seed).rows
         return self.space.representatives(rows[order_by_new_pairs(rows)])

@@ -1,4 +1,4 @@
-"""Points that no test has executed yet, as the thesis demands of new tests (sections 4.4.2 and 4.4.3)."""
+"""Points that no test has executed yet, as new tests should be (thesis 4.4.2 and 4.4.3)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,23 @@ DRAWS = 1000
 
 def executed(points: Floats, tested: Floats) -> NDArray[np.bool_]:
     """Whether each of (n, d) points equals a row of `tested` (m, d), (n,)."""
-    known = set(_keys(tested))
-    return np.array([key in known for key in _keys(points)], dtype=bool)
+    keys = set(_keys(tested))
+    return np.array([key in keys for key in _keys(points)], dtype=bool)
 
 
 def untested(points: Floats, tested: Floats) -> NDArray[np.bool_]:
-    """Whether each of (n, d) points equals no row of `tested` (m, d) and none of the points before it, (n,)."""
+    """Whether each point equals no tested point and no point before it.
+
+    Args:
+        points: (n, d).
+        tested: (m, d).
+
+    Returns:
+        (n,).
+
+    >>> untested(np.array([[1.0], [1.0], [2.0]]), np.array([[2.0]])).tolist()
+    [True, False, False]
+    """
     seen, new = set(_keys(tested)), np.zeros(len(points), dtype=bool)
     for i, key in enumerate(_keys(points)):
         new[i] = key not in seen
@@ -29,7 +40,18 @@ def untested(points: Floats, tested: Floats) -> NDArray[np.bool_]:
 def fill(
     space: Space, chosen: Floats, tested: Floats, count: int, rng: np.random.Generator
 ) -> Floats:
-    """The (n, d) chosen points and random ones, `count` in total: untested ones as far as a draw has them, then repetitions."""
+    """Fill up a batch with random points: untested ones as far as a draw has them, then others.
+
+    Args:
+        space: to draw from.
+        chosen: (n, d) points of the batch.
+        tested: (m, d) points that have been tested.
+        count: size of the batch.
+        rng: source of all random draws.
+
+    Returns:
+        (count, d) points, the chosen ones first.
+    """
     missing = count - len(chosen)
     if missing <= 0:
         return chosen[:count]

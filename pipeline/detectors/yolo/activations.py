@@ -1,4 +1,8 @@
-"""Activations of the network's neurons on images. A neuron is a channel of a convolution unit; its activation is the mean of its map."""
+"""Activations of the network's neurons on images.
+
+A neuron is a channel of a convolution unit; its activation is the mean of its map. The mean is the
+convention for convolutions: nearly every channel is active somewhere in every image.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +20,14 @@ BATCH = 16
 
 
 def activations(model: Yolo, images: NDArray[np.uint8]) -> Iterator[list[NDArray[np.float32]]]:
-    """Run (n, h, w, 3) uint8 RGB images in batches; yield for each batch one (images, channels) array per unit, in order of use.
+    """Run images in batches.
 
-    The mean over the map is the convention for convolutions: nearly every channel is active somewhere in every image.
+    Args:
+        model: put into evaluation mode.
+        images: (n, h, w, 3) uint8 RGB.
+
+    Yields:
+        For each batch an (images, channels) array per unit, in order of use.
     """
     seen: list[NDArray[np.float32]] = []
 
@@ -35,12 +44,8 @@ def activations(model: Yolo, images: NDArray[np.uint8]) -> Iterator[list[NDArray
         with torch.no_grad():
             for first in range(0, len(images), BATCH):
                 seen.clear()
-                batch = (
-                    torch.from_numpy(np.ascontiguousarray(images[first : first + BATCH]))
-                    .permute(0, 3, 1, 2)
-                    .float()
-                    .div_(255)
-                )
+                shown = torch.from_numpy(np.ascontiguousarray(images[first : first + BATCH]))
+                batch = shown.permute(0, 3, 1, 2).float().div_(255)
                 model(batch.contiguous(memory_format=torch.channels_last))
                 yield list(seen)
     finally:

@@ -23,7 +23,17 @@ from pipeline.errors import InputError
 
 @dataclass
 class State:
-    """The content of a checkpoint. best: the averaged weights of the best evaluation; sums: of both losses since the last evaluation."""
+    """The content of a checkpoint.
+
+    Attributes:
+        iteration: number of iterations done.
+        model: the network in training.
+        average: the network with averaged weights.
+        optimiser: of the model.
+        best: the averaged weights of the best evaluation.
+        sums: (2,) sums of both losses since the last evaluation.
+        curve: a point for each evaluation.
+    """
 
     iteration: int
     model: Yolo
@@ -35,16 +45,20 @@ class State:
 
     @cached_property
     def parameters(self) -> list[Tensor]:
+        """Of the network in training."""
         return list(self.model.parameters())
 
     @cached_property
     def averaging(self) -> tuple[list[Tensor], list[Tensor]]:
-        """The averaged weights and those that they follow. They share the networks' memory; listing them takes as long as averaging."""
-        averages, weights = (
-            [value for value in each.state_dict().values() if value.is_floating_point()]
-            for each in (self.average, self.model)
+        """The averaged weights and those that they follow.
+
+        They share the networks' memory; listing them takes as long as averaging.
+        """
+        averages, weights = self.average.state_dict().values(), self.model.state_dict().values()
+        return (
+            [value for value in averages if value.is_floating_point()],
+            [value for value in weights if value.is_floating_point()],
         )
-        return averages, weights
 
     def exhausted(self, patience: int) -> bool:
         """Whether the last `patience` evaluations gave no new best."""
@@ -53,36 +67,48 @@ class State:
 
 
 def save(path: Path, identity: str, state: State) -> None:
-    """Write the checkpoint. identity: digest of the training that it belongs to."""
+    """Write the checkpoint.
+
+    Args:
+        path: of the file.
+        identity: digest of the training that it belongs to.
+        state: the content.
+    """
     buffer = io.BytesIO()
-    parts = {
+    content = {
+        "identity": identity,
+        "iteration": state.iteration,
         "model": state.model.state_dict(),
         "average": state.average.state_dict(),
         "optimiser": state.optimiser.state_dict(),
-    }
-    evaluations = {
         "best": state.best,
         "sums": state.sums,
         "curve": [asdict(point) for point in state.curve],
     }
-    torch.save({"identity": identity, "iteration": state.iteration, **parts, **evaluations}, buffer)
+    torch.save(content, buffer)
     write_sealed(path, buffer.getvalue())
 
 
 def resume(path: Path, identity: str, state: State, device: torch.device) -> None:
-    """Put the content of the checkpoint into a state; a damaged one, or one of another training, is ignored."""
+    """Put the content of the checkpoint into a state.
+
+    A damaged checkpoint, or one of another training, is ignored.
+
+    Args:
+        path: of the file.
+        identity: digest of the training.
+        state: changed in place.
+        device: to which the tensors are loaded.
+    """
     try:
-        found = torch.load(io.BytesIO(read_sealed(path)), map_location=device, weights_only=True)
+        content = torch.load(io.BytesIO(read_sealed(path)), map_location=device, weights_only=True)
     except InputError:
         return
-    if found["identity"] != identity:
+    if content["identity"] != identity:
         return
-    state.model.load_state_dict(found["model"])
-    state.average.load_state_dict(found["average"])
-    state.optimiser.load_state_dict(found["optimiser"])
-    state.best, state.sums, state.curve = (
-        found["best"],
-        found["sums"],
-        [CurvePoint(**point) for point in found["curve"]],
-    )
-    state.iteration = int(found["iteration"])
+    state.model.load_state_dict(content["model"])
+    state.average.load_state_dict(content["average"])
+    state.optimiser.load_state_dict(content["optimiser"])
+    state.best, state.sums = content["best"], content["sums"]
+    state.curve = [CurvePoint(**point) for point in content["curve"]]
+    state.iteration = int(content["iteration"])

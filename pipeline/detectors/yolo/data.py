@@ -1,7 +1,7 @@
-"""Batches from images in memory: crops or full frames, flipped, scaled and re-lit, all in OpenCV on uint8.
+"""Batches from images in memory: crops or full frames, flipped, scaled and re-lit.
 
-A batch depends only on the seed and its number. Training can therefore stop and resume anywhere, and workers may make batches ahead,
-without changing the result.
+All in OpenCV on uint8. A batch depends only on the seed and its number. Training can therefore stop
+and resume anywhere, and workers may prepare batches ahead, without changing the result.
 """
 
 from __future__ import annotations
@@ -23,18 +23,28 @@ Images = NDArray[np.uint8]
 Boxes = NDArray[np.float32]
 Change = Callable[[Images], Images]
 SLIVER_PIXELS = 12
-"""A pedestrian with fewer visible pixels is neither a fair positive nor a fair negative, so its image is left out."""
+"""A pedestrian with fewer visible pixels is neither a fair positive nor a fair negative.
+
+Its image is left out."""
 SMALL_PIXELS = 60
+"""A pedestrian with fewer visible pixels is hard."""
 CENTRED = 0.62
 """Share of crops around a pedestrian. With such crops alone, false positives triple."""
 KEPT_SHARE = 0.25
 """Share of a box that must remain in a crop; otherwise the crop is drawn again."""
 ATTEMPTS = 8
+"""Draws of a view before the whole frame is shown."""
 
 
 @dataclass(frozen=True)
 class View:
-    """The part of an image to show. centre: (2,) in image pixels; scale: output pixels per image pixel."""
+    """The part of an image to show.
+
+    Attributes:
+        centre: x and y in image pixels.
+        scale: output pixels per image pixel.
+        flipped: whether left and right are exchanged.
+    """
 
     centre: tuple[float, float]
     scale: float
@@ -42,15 +52,26 @@ class View:
 
 
 def usable(images: ImageSet) -> NDArray[np.int64]:
-    """Indices of the images to train on: those without a pedestrian, or with one of at least 12 visible pixels."""
+    """Indices of the images to train on.
+
+    Their pedestrian has at least `SLIVER_PIXELS` visible pixels, or they show none.
+    """
     return np.flatnonzero((images.visible_pixels == 0) | (images.visible_pixels >= SLIVER_PIXELS))
 
 
 def hardness(images: ImageSet, oversampling: int) -> NDArray[np.int64]:
-    """Number of times (n,) that an epoch shows each image: `oversampling` times if its pedestrian is hard, else once.
+    """Number of times that an epoch shows each image.
 
-    Hard means: under 60 visible pixels; so near that the box fills over half the height or touches an image side; hardly darker or brighter
-    than its surroundings (under 16 grey levels); or in a wide pose (over three quarters as wide as tall).
+    Hard means: under 60 visible pixels; so near that the box fills over half the height or touches
+    an image side; hardly darker or brighter than its surroundings (under 16 grey levels); or in a
+    wide pose (over three quarters as wide as tall).
+
+    Args:
+        images: n images.
+        oversampling: number of times for an image with a hard pedestrian; others are shown once.
+
+    Returns:
+        (n,).
     """
     width, height = images.size
     left, top, right, bottom = images.boxes.T
@@ -58,13 +79,25 @@ def hardness(images: ImageSet, oversampling: int) -> NDArray[np.int64]:
     near = (bottom - top > height / 2) | (left <= 1) | (right >= width - 1)
     faint = images.contrast < 16
     wide = right - left > 0.75 * (bottom - top)
-    return np.where(
-        (images.visible_pixels > 0) & (small | near | faint | wide), oversampling, 1
-    ).astype(np.int64)
+    hard = (images.visible_pixels > 0) & (small | near | faint | wide)
+    return np.where(hard, oversampling, 1).astype(np.int64)
 
 
 class Stream:
-    """An endless order of image indices, shuffled anew each epoch. repeats: (n,) times each index comes in an epoch."""
+    """An endless order of image indices, shuffled anew each epoch.
+
+    Args:
+        indices: (n,) of images.
+        repeats: (n,) number of times that each index comes in an epoch.
+        seed: of the order.
+
+    Raises:
+        ValueError: without images.
+
+    >>> stream = Stream(np.array([3, 5]), np.array([1, 1]), seed=(0,))
+    >>> sorted(stream.take(0, 2).tolist()), sorted(stream.take(2, 2).tolist())
+    ([3, 5], [3, 5])
+    """
 
     def __init__(
         self, indices: NDArray[np.int64], repeats: NDArray[np.int64], seed: tuple[int, ...]
@@ -76,30 +109,37 @@ class Stream:
         self._epochs: dict[int, NDArray[np.int64]] = {}
 
     def take(self, start: int, count: int) -> NDArray[np.int64]:
-        """(count,) the indices at positions start, start + 1, ... of the order."""
+        """The indices at positions start, start + 1, ... of the order, (count,)."""
         size = len(self._pool)
         parts = []
         while count > 0:
             epoch, offset = divmod(start, size)
-            part = self._epoch(epoch)[offset : offset + count]
+            # Several threads may take; they then shuffle the same epoch alike.
+            before, order = self._epochs, self._epochs.get(epoch)
+            if order is None:
+                order = np.random.default_rng((*self._seed, epoch)).permutation(self._pool)
+                latest = {key: value for key, value in before.items() if key == epoch - 1}
+                self._epochs = latest | {epoch: order}
+            part = order[offset : offset + count]
             parts.append(part)
             start, count = start + len(part), count - len(part)
         return np.concatenate(parts) if parts else np.zeros(0, np.int64)
-
-    def _epoch(self, epoch: int) -> NDArray[np.int64]:
-        order = self._epochs.get(epoch)
-        if order is None:
-            order = np.random.default_rng((*self._seed, epoch)).permutation(self._pool)
-            self._epochs = {
-                number: kept for number, kept in self._epochs.items() if number == epoch - 1
-            } | {epoch: order}
-        return order
 
 
 def crop_view(
     box: Boxes, size: tuple[int, int], crop: tuple[int, int], rng: np.random.Generator
 ) -> View:
-    """Choose the crop: in 62 % of the cases around the pedestrian, if there is one; otherwise anywhere around the horizon."""
+    """Choose a crop.
+
+    It is around the pedestrian with a probability of `CENTRED`, if there is a pedestrian; otherwise
+    anywhere around the horizon.
+
+    Args:
+        box: (4,) of the pedestrian in pixels, zeros for none.
+        size: width and height of the image.
+        crop: width and height of the crop.
+        rng: source of all random draws.
+    """
     scale = float(np.exp(rng.uniform(-0.25, 0.35))) if rng.random() < 0.6 else 1.0
     half = np.array(crop) / 2 / scale
     aim, jitter, place = rng.random(), rng.uniform(-1, 1, 2), rng.random(2)
@@ -113,15 +153,14 @@ def crop_view(
 
 
 def frame_view(size: tuple[int, int], rng: np.random.Generator) -> View:
-    """The whole frame; in 60 % of the cases scaled by 0.85 to 1.25 and moved by up to a twelfth."""
+    """The whole frame of size (w, h).
+
+    In 60 % of the cases it is scaled by 0.85 to 1.25 and moved by up to a twelfth.
+    """
     zoom, jitter = rng.random() < 0.6, rng.uniform(-1, 1, 2)
     scale = float(np.exp(rng.uniform(-0.16, 0.22))) if zoom else 1.0
     centre = np.array(size) * (0.5 + (jitter / 12 if zoom else 0))
     return View((float(centre[0]), float(centre[1])), scale, bool(rng.random() < 0.5))
-
-
-def plain_view(size: tuple[int, int]) -> View:
-    return View((size[0] / 2, size[1] / 2), 1.0, False)
 
 
 def on_pixels(view: View, size: tuple[int, int]) -> View:
@@ -155,9 +194,8 @@ def show(image: Images, view: View, size: tuple[int, int]) -> Images:
         part = image[top : top + height, left : left + width]
         return np.asarray(cv2.flip(part, 1), np.uint8) if view.flipped else part
     centred = mapping(view, size)
-    centred[:, 2] += (
-        centred[:, :2] @ (0.5, 0.5) - 0.5
-    )  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
+    # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
+    centred[:, 2] += centred[:, :2] @ (0.5, 0.5) - 0.5
     # Grey beyond the image: a reflection would show unlabelled people.
     shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderValue=(GREY,) * 3)
     return np.asarray(shown, np.uint8)
@@ -166,7 +204,17 @@ def show(image: Images, view: View, size: tuple[int, int]) -> Images:
 def shown_box(
     box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]
 ) -> tuple[Boxes, float]:
-    """The box in the view, clipped to it, (4,), and the remaining share of its area, in [0, 1]; zeros if nothing remains."""
+    """The box in a view.
+
+    Args:
+        box: (4,) in pixels of the image, zeros for none.
+        matrix: (2, 3) from `mapping`.
+        size: width and height of the view.
+
+    Returns:
+        The box (4,), clipped to the view, zeros if nothing remains; and the remaining share of its
+        area, in [0, 1].
+    """
     if box[2] <= box[0]:
         return np.zeros(4, np.float32), 1.0
     x = np.sort(matrix[0, 0] * box[[0, 2]] + matrix[0, 2])
@@ -180,51 +228,61 @@ def shown_box(
 
 
 def recolouring(rng: np.random.Generator) -> Change:
-    """A change of the colours in half of the cases, because cars and clothes have any colour: hues rotated, saturation scaled."""
+    """A change of the colours in half of the cases: hues rotated, saturation scaled.
+
+    Cars and clothes have any colour.
+    """
     if rng.random() < 0.5:
         return lambda image: image
     turn, scale = int(rng.integers(180)), rng.uniform(0.4, 1.4)
     levels = np.arange(256)
-    curves = np.stack(
-        [(levels + turn) % 180, np.clip(levels * scale, 0, 255), levels], axis=1
-    ).astype(np.uint8)
+    hue, saturation = (levels + turn) % 180, np.clip(levels * scale, 0, 255)
+    curves = np.stack([hue, saturation, levels], axis=1).astype(np.uint8)
 
     def change(image: Images) -> Images:
-        return np.asarray(
-            cv2.cvtColor(
-                cv2.LUT(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), curves[None]), cv2.COLOR_HSV2RGB
-            ),
-            np.uint8,
-        )
+        changed = cv2.LUT(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), curves[None])
+        return np.asarray(cv2.cvtColor(changed, cv2.COLOR_HSV2RGB), np.uint8)
 
     return change
 
 
 def relighting(rng: np.random.Generator) -> Change:
-    """A change of the exposure (gain and offset); in half of the cases also of the tint; in 30 %, haze reduces the contrast."""
+    """A change of the exposure: gain and offset.
+
+    In half of the cases the tint changes, too; in 30 %, haze reduces the contrast.
+    """
     gain, offset = rng.uniform(0.6, 1.45), rng.uniform(-20, 20)
     tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(1)
     clear, haze = (rng.uniform(0.4, 1), rng.uniform(20, 220)) if rng.random() < 0.3 else (1.0, 0.0)
     exposed = np.clip((np.arange(256)[:, None] * gain + offset) * tint, 0, 255)
-    curve = (clear * exposed + (1 - clear) * haze).astype(
-        np.uint8
-    )  # One for each channel, or for all: twice as fast.
+    # A curve for each channel, or the same for all, which is twice as fast.
+    curve = (clear * exposed + (1 - clear) * haze).astype(np.uint8)
     return lambda image: np.asarray(cv2.LUT(image, curve[None]), np.uint8)
 
 
 def augmented(
     box: Boxes, full: tuple[int, int], size: tuple[int, int], relit: float, rng: np.random.Generator
 ) -> tuple[Change, Boxes]:
-    """How an image of size `full` becomes a training example of size (w, h), and its box (4,): a crop if it is smaller, else the frame."""
+    """How an image becomes a training example, and its box.
+
+    Args:
+        box: (4,) of the pedestrian in pixels, zeros for none.
+        full: width and height of the image.
+        size: width and height of the example: the frame if equal to `full`, else a crop.
+        relit: probability of other colours and light, in [0, 1].
+        rng: source of all random draws.
+
+    Returns:
+        The change from the image to the example, and the box (4,) in its pixels.
+    """
     for _ in range(ATTEMPTS):
-        view = on_pixels(
-            frame_view(full, rng) if size == full else crop_view(box, full, size, rng), size
-        )
+        view = frame_view(full, rng) if size == full else crop_view(box, full, size, rng)
+        view = on_pixels(view, size)
         label, left = shown_box(box, mapping(view, size), size)
         if left == 0 or left > KEPT_SHARE:
             break
     else:
-        view = on_pixels(plain_view(full), size)
+        view = on_pixels(View((full[0] / 2, full[1] / 2), 1.0, False), size)
         label, _ = shown_box(box, mapping(view, size), size)
     if rng.random() >= relit:
         return lambda image: show(image, view, size), label
@@ -239,9 +297,17 @@ def batch(
     seed: tuple[int, ...],
     relit: float = 1.0,
 ) -> tuple[Images, Boxes]:
-    """Training examples (n, h, w, 3) uint8 RGB and boxes (n, 4) in their pixels, zeros without a pedestrian.
+    """Training examples of a batch.
 
-    relit: share of the examples with other colours and light, in [0, 1].
+    Args:
+        images: to choose from.
+        indices: (n,) of the images to show.
+        size: width and height of the examples.
+        seed: of all random draws of the batch.
+        relit: share of the examples with other colours and light, in [0, 1].
+
+    Returns:
+        Images (n, h, w, 3) uint8 RGB, and boxes (n, 4) in their pixels, zeros without a pedestrian.
     """
     rng = np.random.default_rng(seed)
     # All draws come first, so that several threads may then work on the pixels.
@@ -253,10 +319,9 @@ def batch(
             shown[row] = examples[row][0](images.images[indices[row]])
 
     threads = torch.get_num_threads()
-    others = [
-        _pool(threads).submit(fill, range(start, len(indices), threads))
-        for start in range(1, threads)
-    ]
+    others = []
+    for start in range(1, threads):
+        others.append(_pool(threads).submit(fill, range(start, len(indices), threads)))
     fill(range(0, len(indices), threads))
     for other in others:
         other.result()

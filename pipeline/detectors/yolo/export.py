@@ -1,4 +1,7 @@
-"""Exports weights to ONNX: uint8 images in, boxes in pixels and scores out; only non-maximum suppression stays outside."""
+"""Exports weights to ONNX: uint8 images in, boxes in pixels and scores out.
+
+Only non-maximum suppression stays outside.
+"""
 
 from __future__ import annotations
 
@@ -36,22 +39,30 @@ class Deployed(nn.Module):
         self.register_buffer("strides", strides)
 
     def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
-        """(n, h, w, 3) uint8 RGB to boxes (n, cells, 4) in pixels and scores (n, cells) in [0, 1]."""
+        """Images (n, h, w, 3) to boxes (n, cells, 4) in pixels and scores (n, cells) in [0, 1]."""
         scaled = image.permute(0, 3, 1, 2).float() * (1 / 255)
         boxes, logits = decode(self.model(scaled), self.centres, self.strides)
         return boxes, (self.calibration.slope * logits + self.calibration.offset).sigmoid()
 
 
 def onnx_of(model: Path, folder: Path) -> Path:
-    """The ONNX file of a version's folder; if missing, it is exported to `folder`, named by the digest of weights and card, so that
-    versions never overwrite each other."""
+    """The ONNX file of a version.
+
+    If missing, it is exported and named by the digest of weights and card, so that versions never
+    overwrite each other.
+
+    Args:
+        model: folder of the version.
+        folder: for an exported file.
+
+    Raises:
+        InputError: if it is not the folder of a version.
+    """
     if model.is_file():
-        is_version = any(
-            (model.parent / name).exists() for name in ("model.onnx", "weights.safetensors")
-        )
-        raise InputError(
-            f"{model}: expected the folder of a version, got a file{f'; name {model.parent}' if is_version else ''}"
-        )
+        advice = ""
+        if any((model.parent / name).exists() for name in ("model.onnx", "weights.safetensors")):
+            advice = f"; name {model.parent}"
+        raise InputError(f"{model}: expected the folder of a version, got a file{advice}")
     if (model / "model.onnx").exists():
         return model / "model.onnx"
     weights, card = model / "weights.safetensors", model / "model.json"
@@ -63,17 +74,23 @@ def onnx_of(model: Path, folder: Path) -> Path:
 
 
 def export_version(weights: Path, card: Path, onnx: Path) -> None:
-    """Write the ONNX file of a version, for images of the size and with the calibration that its card names."""
+    """Write the ONNX file of a version, with the image size and calibration of its card."""
     described = read_card(card)
-    export_onnx(
-        onnx, load_weights(weights), described.input_size, Calibration(**described.calibration)
-    )
+    calibration = Calibration(**described.calibration)
+    export_onnx(onnx, load_weights(weights), described.input_size, calibration)
 
 
 def export_onnx(
     path: Path, model: Yolo, size: tuple[int, int], calibration: Calibration | None = None
 ) -> None:
-    """Write model.onnx for images of size (w, h), any number at a time; the same weights and calibration give the same bytes."""
+    """Write a network as ONNX; the same weights and calibration give the same bytes.
+
+    Args:
+        path: of the file.
+        model: the network.
+        size: width and height of the images, of which the file takes any number at a time.
+        calibration: of the scores; None for none.
+    """
     example = torch.zeros(1, size[1], size[0], 3, dtype=torch.uint8)
     axes = {name: {0: "images"} for name in ("image", "boxes", "scores")}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():

@@ -1,64 +1,60 @@
-"""Normalisation with frozen statistics, folded into the kernels: a scale and a shift that then cost nothing."""
+"""Normalisation with frozen statistics, folded into the kernels, where it costs nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
 
 from pipeline.detectors.yolo.network import ConvUnit
 
+Fold = Callable[..., tuple[Tensor, ...]]
+
 
 class Folded(nn.Module):
-    """A network in training with the frozen normalisations of its units folded into their kernels; the same output and gradients.
+    """A network in training whose frozen normalisations are folded into the kernels.
 
-    dtype: of the folded kernels, which is that of the convolutions.
+    Output and gradients stay the same.
+
+    Args:
+        model: the network.
+        dtype: of the folded kernels, which is that of the convolutions.
     """
 
     def __init__(self, model: nn.Module, dtype: torch.dtype) -> None:
         super().__init__()
         self.model, self._dtype = model, dtype
-        frozen = [
-            unit
-            for unit in model.modules()
-            if isinstance(unit, ConvUnit) and not unit.norm.training
-        ]
-        # Apart, because one parameter that needs a gradient would make all folded kernels need one.
-        self._units = [
-            [unit for unit in frozen if unit.convolution.weight.requires_grad is learning]
-            for learning in (False, True)
-        ]
+        # Apart, because a parameter that needs a gradient would make all folded kernels need one.
+        self._units: dict[bool, list[ConvUnit]] = {False: [], True: []}
+        for unit in model.modules():
+            if isinstance(unit, ConvUnit) and not unit.norm.training:
+                self._units[unit.convolution.weight.requires_grad].append(unit)
 
     def forward(self, images: Tensor) -> Tensor:
         try:
-            for units in self._units:
-                _fold(units, self._dtype)
+            for units in self._units.values():
+                parameters = []
+                for unit in units:
+                    parameters += [unit.convolution.weight, unit.norm.weight, unit.norm.bias]
+                norms, fold = [unit.norm for unit in units], cast(Fold, _Fold.apply)
+                folded = fold(self._dtype, norms, *parameters) if units else ()
+                for unit, kernel, shift in zip(units, folded[0::2], folded[1::2], strict=True):
+                    unit.folded = kernel, shift
             output: Tensor = self.model(images)
             return output
         finally:
-            for unit in self._units[0] + self._units[1]:
+            for unit in self._units[False] + self._units[True]:
                 unit.folded = None  # The next step changes the weights.
 
 
-def _fold(units: Sequence[ConvUnit], dtype: torch.dtype) -> None:
-    if not units:
-        return
-    parameters = [
-        value
-        for unit in units
-        for value in (unit.convolution.weight, unit.norm.weight, unit.norm.bias)
-    ]
-    found = _Fold.apply(dtype, [unit.norm for unit in units], *parameters)  # type: ignore[no-untyped-call]
-    for unit, kernel, shift in zip(units, found[0::2], found[1::2], strict=True):
-        unit.folded = kernel, shift
-
-
 class _Fold(torch.autograd.Function):
-    """Kernel, scale and offset of each unit to its folded kernel (outputs, inputs, h, w) and shift (outputs,).
+    """Kernel, scale and offset of each unit to its folded kernel and shift.
 
-    One node of the graph for all units: left to autograd, each operation of each unit is a node, and they take a fiftieth of a step.
+    Kernels are (outputs, inputs, h, w), the others (outputs,). A single node of the graph for all
+    units: left to autograd, each operation of each unit is a node, and they take a fiftieth of a
+    step.
     """
 
     @staticmethod
@@ -72,33 +68,20 @@ class _Fold(torch.autograd.Function):
             assert norm.running_mean is not None and norm.running_var is not None
             inverse = (norm.running_var + norm.eps).rsqrt()
             scale = weight * inverse
-            folded += [
-                (kernel * _over_kernels(scale)).to(dtype),
-                (offset - norm.running_mean * scale).to(dtype),
-            ]
+            folded.append((kernel * scale[:, None, None, None]).to(dtype))
+            folded.append((offset - norm.running_mean * scale).to(dtype))
             kept += [kernel, norm.running_mean, inverse, scale]
         ctx.save_for_backward(*kept)
         return tuple(folded)
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
-        kept, found = ctx.saved_tensors, []
-        units = zip(
-            gradients[0::2],
-            gradients[1::2],
-            kept[0::4],
-            kept[1::4],
-            kept[2::4],
-            kept[3::4],
-            strict=True,
-        )
+    def backward(  # type: ignore[override]
+        ctx: Any, *gradients: Tensor
+    ) -> tuple[Tensor | None, ...]:
+        kept, result = [ctx.saved_tensors[start::4] for start in range(4)], []
+        units = zip(gradients[0::2], gradients[1::2], *kept, strict=True)
         for of_kernel, of_shift, kernel, mean, inverse, scale in units:
             of_kernel, of_shift = of_kernel.to(kernel.dtype), of_shift.to(kernel.dtype)
             of_scale = (of_kernel * kernel).sum((1, 2, 3)) - of_shift * mean
-            found += [of_kernel * _over_kernels(scale), of_scale * inverse, of_shift]
-        return None, None, *found
-
-
-def _over_kernels(scale: Tensor) -> Tensor:
-    """(outputs,) to the shape that scales (outputs, inputs, h, w)."""
-    return scale[:, None, None, None]
+            result += [of_kernel * scale[:, None, None, None], of_scale * inverse, of_shift]
+        return None, None, *result

@@ -14,15 +14,18 @@ from pipeline.detectors.yolo.network import Yolo
 
 
 class Forward:
-    """The network in training: (n, 3, h, w) uint8 images to its output, in bfloat16 where that is faster.
+    """The network in training: (n, 3, h, w) uint8 images to its output.
 
-    On a GPU, all kernels of a forward or backward pass are launched at once, as a CUDA graph: one by one, launching them takes ten times
-    as long as they run.
+    It computes in bfloat16 where that is faster. On a GPU, all kernels of a forward or backward
+    pass are launched at once, as a CUDA graph: singly, launching them takes ten times as long as
+    they run.
     """
 
     def __init__(self, model: Yolo, device: torch.device) -> None:
         self._model, self._device = model, device
-        self._dtype = torch.bfloat16 if _multiplies_bfloat16(device) else torch.float32
+        # Processors without AVX-512 have no kernels for bfloat16: ten times as long an iteration.
+        slow = torch.backends.cpu.get_cpu_capability() in ("DEFAULT", "AVX2")
+        self._dtype = torch.float32 if device.type == "cpu" and slow else torch.bfloat16
         self._network = Folded(model, self._dtype)
         self._captured: dict[torch.Size, Callable[[Tensor], Tensor]] = {}
 
@@ -43,21 +46,12 @@ class Forward:
 
     def _capture(self, images: Tensor) -> Callable[[Tensor], Tensor]:
         before = {name: value.clone() for name, value in self._model.state_dict().items()}
-        # Gradients are made on the stream of the capture; autograd waits for them, but warns that this takes time.
+        # Autograd waits for the gradients on the capture's stream, but warns that this takes time.
         warnings.filterwarnings("ignore", "The AccumulateGrad node's stream")
         # In a new module, because a capture replaces the forward of the module that it gets.
         captured = torch.cuda.make_graphed_callables(
             nn.Sequential(self._network), (torch.zeros_like(images),)
         )
-        self._model.load_state_dict(
-            before
-        )  # The capture ran the network, which changed the normalisation's statistics.
+        # The capture ran the network, which changed the normalisation's statistics.
+        self._model.load_state_dict(before)
         return cast(Callable[[Tensor], Tensor], captured)
-
-
-def _multiplies_bfloat16(device: torch.device) -> bool:
-    """Whether bfloat16 saves time. Processors without AVX-512 have no kernels for it: an iteration would take ten times as long."""
-    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() not in (
-        "DEFAULT",
-        "AVX2",
-    )

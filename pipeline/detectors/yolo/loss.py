@@ -1,4 +1,4 @@
-"""Task-aligned assignment and the loss, for images with at most one pedestrian each, as the base set has."""
+"""Task-aligned assignment and the loss, for images with at most a single pedestrian."""
 
 from __future__ import annotations
 
@@ -10,16 +10,22 @@ from torch.nn import functional
 
 BOX_WEIGHT = 5.0
 TOP = 5
+"""Cells that take a box, at most."""
 SCORE_POWER = 0.5
 IOU_POWER = 4.0
 REACH = 1.5
-"""Strides around the box's centre within which a cell may take the box, however small the box is."""
+"""Strides around the box's centre within which a cell may take even a small box."""
 
 
 @dataclass(frozen=True)
 class Loss:
-    """The losses of one batch, scalars. total: what training minimises. scores: cross-entropy per unit of target score. boxes: 1 - GIoU,
-    weighted by target score, in [0, 2]."""
+    """The losses of a batch, scalars.
+
+    Attributes:
+        total: what training minimises.
+        scores: cross-entropy per unit of target score.
+        boxes: 1 - GIoU, weighted by target score, in [0, 2].
+    """
 
     total: Tensor
     scores: Tensor
@@ -27,17 +33,24 @@ class Loss:
 
 
 def pairwise_iou(boxes: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
-    """IoU in [0, 1] and generalised IoU in [-1, 1] of boxes (..., 4) with truth of a shape that broadcasts."""
+    """IoU in [0, 1] and generalised IoU in [-1, 1] of boxes with the truth.
+
+    Args:
+        boxes: (..., 4) left, top, right, bottom.
+        truth: of a shape that broadcasts.
+
+    >>> iou, _ = pairwise_iou(torch.tensor([0.0, 0, 2, 2]), torch.tensor([1.0, 0, 3, 2]))
+    >>> round(float(iou), 3)
+    0.333
+    """
     left_top = torch.maximum(boxes[..., :2], truth[..., :2])
     right_bottom = torch.minimum(boxes[..., 2:], truth[..., 2:])
     overlap = (right_bottom - left_top).clamp(min=0).prod(-1)
     area = (boxes[..., 2:] - boxes[..., :2]).clamp(min=0).prod(-1)
     truth_area = (truth[..., 2:] - truth[..., :2]).clamp(min=0).prod(-1)
     union = (area + truth_area - overlap).clamp(min=1e-6)
-    hull_low, hull_high = (
-        torch.minimum(boxes[..., :2], truth[..., :2]),
-        torch.maximum(boxes[..., 2:], truth[..., 2:]),
-    )
+    hull_low = torch.minimum(boxes[..., :2], truth[..., :2])
+    hull_high = torch.maximum(boxes[..., 2:], truth[..., 2:])
     hull = (hull_high - hull_low).clamp(min=0).prod(-1).clamp(min=1e-6)
     iou = overlap / union
     return iou, iou - (hull - union) / hull
@@ -47,11 +60,21 @@ def pairwise_iou(boxes: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 def assign(
     boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, strides: Tensor
 ) -> Tensor:
-    """Target score (n, cells) in [0, 1] of every cell; 0 for background.
+    """Target score of every cell (Feng et al., TOOD, 2021, Eq. 1 and 5).
 
-    boxes (n, cells, 4), logits (n, cells), truth (n, 4) with zeros without a pedestrian. The candidates are the cells with their centre in
-    the true box or near its middle; the five best aligned ones (score and IoU) take the box. The best aligned one's target is the
-    largest IoU among the five, the others' targets are proportionally smaller (Feng et al., TOOD, 2021, Eq. 1 and 5).
+    The candidates are the cells with their centre in the true box or near its middle; the five best
+    aligned ones (score and IoU) take the box. The target of the best aligned cell is the largest
+    IoU among the five, the others' targets are proportionally smaller.
+
+    Args:
+        boxes: (n, cells, 4) in pixels.
+        logits: (n, cells).
+        truth: (n, 4) in pixels, zeros without a pedestrian.
+        centres: (cells, 2) in pixels.
+        strides: (cells,) in pixels.
+
+    Returns:
+        (n, cells), in [0, 1]; 0 for background.
     """
     iou, _ = pairwise_iou(boxes, truth[:, None])
     present = (truth[:, 2] > truth[:, 0]) & (truth[:, 3] > truth[:, 1])
@@ -70,9 +93,11 @@ def assign(
 def detection_loss(
     boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, strides: Tensor
 ) -> Loss:
-    """Binary cross-entropy of the scores plus five times 1 - GIoU of the assigned boxes, both per unit of target score.
+    """Cross-entropy of the scores plus five times 1 - GIoU of the assigned boxes.
 
-    Shapes as in `assign`.
+    Both are per unit of target score.
+
+    Args: as for `assign`.
     """
     target = assign(boxes, logits, truth, centres, strides)
     norm = target.sum().clamp(min=1.0)

@@ -10,10 +10,11 @@ ALL = 2**31 - 1
 
 
 def keep_freed_memory() -> None:
-    """Tell glibc not to return freed memory to the system.
+    """Ask glibc not to return freed memory to the system.
 
-    Each iteration makes and frees the same tensors. If their memory goes back, the system clears every page again, which took a twelfth of
-    a step on one thread. Other C libraries are left alone.
+    Each iteration allocates and frees the same tensors. If their memory goes back, the system
+    clears every page again, which took a twelfth of a step on one thread. Other C libraries are
+    left alone.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:

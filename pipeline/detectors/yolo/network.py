@@ -1,4 +1,7 @@
-"""A small YOLO-style network: CSP backbone, SPPF, PAN neck, anchor-free heads at strides 8, 16 and 32."""
+"""A small YOLO-style network.
+
+CSP backbone, SPPF, PAN neck, anchor-free heads at strides 8, 16 and 32.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,21 @@ from torch.nn import functional
 
 STRIDES = (8, 16, 32)
 CHANNELS = 5
-"""Outputs per cell: centre offset (2) and log size (2) in strides, and the logit of a pedestrian."""
+"""Outputs per cell: centre offset (2) and log size (2) in strides, and a pedestrian's logit."""
 MAX_LOG_SIZE = 5.0
 
 
 @dataclass(frozen=True)
 class Architecture:
-    """The shape of the network. widths: channels at strides 2, 4, 8, 16 and 32; head: channels of a head."""
+    """The shape of the network.
+
+    Args:
+        widths: channels at strides 2, 4, 8, 16 and 32, multiples of 4.
+        head: channels of a head, at least 4.
+
+    Raises:
+        ValueError: if a number of channels does not fit.
+    """
 
     widths: tuple[int, int, int, int, int] = (16, 32, 48, 96, 144)
     head: int = 48
@@ -44,11 +55,11 @@ class ConvUnit(nn.Sequential):
     def __init__(
         self, inputs: int, outputs: int, kernel: int = 3, stride: int = 1, groups: int = 1
     ) -> None:
-        convolution = nn.Conv2d(
-            inputs, outputs, kernel, stride, kernel // 2, groups=groups, bias=False
-        )
+        padding = kernel // 2
         super().__init__(
-            convolution, nn.BatchNorm2d(outputs, eps=1e-3, momentum=0.03), nn.ReLU(inplace=True)
+            nn.Conv2d(inputs, outputs, kernel, stride, padding, groups=groups, bias=False),
+            nn.BatchNorm2d(outputs, eps=1e-3, momentum=0.03),
+            nn.ReLU(inplace=True),
         )
 
     @property
@@ -74,7 +85,10 @@ class ConvUnit(nn.Sequential):
 
 
 class Csp(nn.Module):
-    """Cross-stage partial block: half of the channels pass through `depth` bottlenecks, and every stage is kept."""
+    """Cross-stage partial block.
+
+    Half of the channels pass through `depth` bottlenecks, and every stage is kept.
+    """
 
     def __init__(self, inputs: int, outputs: int, depth: int = 1, residual: bool = True) -> None:
         super().__init__()
@@ -112,7 +126,11 @@ class Sppf(nn.Module):
 
 
 class Yolo(nn.Module):
-    """The network. Takes (n, 3, h, w) in [0, 1], h and w multiples of 32; gives (n, 5, cells), cells of stride 8 first."""
+    """The network.
+
+    It takes (n, 3, h, w) in [0, 1], h and w multiples of 32, and returns (n, `CHANNELS`, cells),
+    cells of stride 8 first.
+    """
 
     def __init__(self, architecture: Architecture | None = None) -> None:
         super().__init__()
@@ -139,19 +157,22 @@ class Yolo(nn.Module):
         n8 = self.up8(torch.cat([self.upsample(n16), p8], 1))
         n16 = self.down16(torch.cat([self.down8(n8), n16], 1))
         n32 = self.down32(torch.cat([self.down16_to_32(n16), p32], 1))
-        return torch.cat(
-            [
-                head(level).flatten(2)
-                for head, level in zip(self.heads, (n8, n16, n32), strict=True)
-            ],
-            2,
-        )
+        levels = zip(self.heads, (n8, n16, n32), strict=True)
+        return torch.cat([head(level).flatten(2) for head, level in levels], 2)
 
 
 def cells(width: int, height: int) -> tuple[Tensor, Tensor]:
-    """Centres (cells, 2) in pixels and strides (cells,) of the network's output for an image size.
+    """The cells of the network's output for an image size in pixels.
 
-    ValueError unless both sides are positive multiples of 32.
+    Returns:
+        Centres (cells, 2) in pixels, and strides (cells,).
+
+    Raises:
+        ValueError: unless both sides are positive multiples of 32.
+
+    >>> centres, strides = cells(32, 32)
+    >>> len(centres), centres[-1].tolist(), float(strides[-1])
+    (21, [16.0, 16.0], 32.0)
     """
     if width <= 0 or height <= 0 or width % STRIDES[-1] or height % STRIDES[-1]:
         raise ValueError(
@@ -168,7 +189,15 @@ def cells(width: int, height: int) -> tuple[Tensor, Tensor]:
 
 
 def decode(output: Tensor, centres: Tensor, strides: Tensor) -> tuple[Tensor, Tensor]:
-    """(n, 5, cells) network output to boxes (n, cells, 4), left, top, right, bottom in pixels, and logits (n, cells)."""
+    """Decode the network's output.
+
+    Args:
+        output: (n, `CHANNELS`, cells).
+        centres, strides: from `cells`.
+
+    Returns:
+        Boxes (n, cells, 4), left, top, right, bottom in pixels, and logits (n, cells).
+    """
     values = output.float()
     middle = centres.T + values[:, 0:2] * strides
     half = values[:, 2:4].clamp(max=MAX_LOG_SIZE).exp() * (strides / 2)
@@ -176,13 +205,15 @@ def decode(output: Tensor, centres: Tensor, strides: Tensor) -> tuple[Tensor, Te
 
 
 def count_parameters(model: nn.Module) -> int:
+    """Number of parameters."""
     return sum(parameter.numel() for parameter in model.parameters())
 
 
 def _head(inputs: int, width: int) -> nn.Sequential:
     last = nn.Conv2d(width, CHANNELS, 1)
     with torch.no_grad():
-        # A person is about twice as tall as wide; each cell starts near its own size and at a score of 1 in 100.
+        # A person is about twice as tall as wide; each cell starts near the size of its stride and
+        # at a score of 1 in 100.
         assert last.bias is not None
         last.bias.copy_(torch.tensor([0.0, 0.0, math.log(1.2), math.log(2.4), -math.log(99.0)]))
         last.weight.mul_(0.1)

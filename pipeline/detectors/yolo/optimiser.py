@@ -11,32 +11,39 @@ from pipeline.detectors.yolo.muon import Muon
 from pipeline.detectors.yolo.network import ConvUnit, Yolo
 
 MUON_FACTOR = 6.0
-"""Muon's learning rate, relative to AdamW's: an orthogonal step changes a kernel much less than AdamW's step of the same rate."""
+"""Muon's learning rate, relative to AdamW's.
+
+At the same rate, an orthogonal step changes a kernel much less than AdamW's step."""
 
 
 class Optimiser:
-    """Muon orthogonalises the momentum of each kernel, seen as a matrix (outputs, inputs), so that a step is equally long in all of its
-    directions. First, last and depthwise kernels, scales and shifts stay with AdamW.
+    """AdamW, with Muon for the hidden kernels if wanted.
+
+    Muon orthogonalises the momentum of each kernel, seen as a matrix (outputs, inputs), so that a
+    step is equally long in all directions. First, last and depthwise kernels, scales and shifts
+    stay with AdamW.
+
+    Args:
+        model: the network.
+        weight_decay: of the kernels that AdamW changes.
+        muon: whether Muon changes the hidden kernels.
     """
 
     def __init__(self, model: Yolo, weight_decay: float, muon: bool) -> None:
         self._kernels = hidden_kernels(model) if muon else []
-        # Views, so that Muon's steps change the kernels; a kernel in another memory format is an error here.
+        # Channels last and a view, so that Muon's steps change the kernels; a kernel in another
+        # memory format is an error here.
         self._matrices = [
-            nn.Parameter(_channels_last(kernel.detach()).view(len(kernel), -1))
+            nn.Parameter(kernel.detach().permute(0, 2, 3, 1).view(len(kernel), -1))
             for kernel in self._kernels
         ]
         hidden = {id(kernel) for kernel in self._kernels}
         rest = [parameter for parameter in model.parameters() if id(parameter) not in hidden]
+        kernels = [parameter for parameter in rest if parameter.ndim > 1]
+        others = [parameter for parameter in rest if parameter.ndim <= 1]
         groups = [
-            {
-                "params": [parameter for parameter in rest if parameter.ndim > 1],
-                "weight_decay": weight_decay,
-            },
-            {
-                "params": [parameter for parameter in rest if parameter.ndim <= 1],
-                "weight_decay": 0.0,
-            },
+            {"params": kernels, "weight_decay": weight_decay},
+            {"params": others, "weight_decay": 0.0},
         ]
         self._adamw = torch.optim.AdamW(groups, fused=True)
         self._muon = Muon(self._matrices) if muon else None
@@ -53,7 +60,8 @@ class Optimiser:
             group["lr"] = MUON_FACTOR * rate
         for kernel, matrix in zip(self._kernels, self._matrices, strict=True):
             assert kernel.grad is not None
-            matrix.grad, kernel.grad = _channels_last(kernel.grad).reshape(matrix.shape), None
+            matrix.grad = kernel.grad.permute(0, 2, 3, 1).reshape(matrix.shape)
+            kernel.grad = None
         self._muon.step()
 
     def state_dict(self) -> dict[str, Any]:
@@ -66,11 +74,6 @@ class Optimiser:
 
 
 def hidden_kernels(model: Yolo) -> list[Tensor]:
-    """The kernels (outputs, inputs, h, w) of all convolution units except the first and the depthwise ones."""
+    """The kernels (outputs, inputs, h, w) of all units except the first and the depthwise ones."""
     convolutions = [unit.convolution for unit in model.modules() if isinstance(unit, ConvUnit)]
-    return [one.weight for one in convolutions if one.groups == 1 and one.in_channels > 3]
-
-
-def _channels_last(kernel: Tensor) -> Tensor:
-    """(outputs, inputs, h, w) to (outputs, h, w, inputs)."""
-    return kernel.permute(0, 2, 3, 1)
+    return [each.weight for each in convolutions if each.groups == 1 and each.in_channels > 3]

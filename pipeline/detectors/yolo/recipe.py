@@ -20,7 +20,9 @@ from pipeline.detectors.yolo.validation import watching
 CROP_SIZE = (160, 96)
 CROP_PHASE, FRAME_PHASE = 0, 1
 RELIT_FROM, RELIT_ALL = 30_000, 200_000
-"""Images shown before colours and light change in the first and in all examples: a short training learns more from images as they are."""
+"""Images shown before colours and light change in the first and in all examples.
+
+A short training learns more from images as they are."""
 WARM_UP_SHARE = 0.035
 WARM_UP = 200
 
@@ -32,9 +34,14 @@ def train_from_scratch(
     config: Mapping[str, Any],
     run: Run,
 ) -> Fitted:
-    """Train a detector on a set with section `training` of the config; resumes from the run's checkpoint.
+    """Train a detector; a killed training resumes from the run's checkpoint.
 
-    indices: of the training images. validation: gives the curve and stops the training early if the curve no longer rises.
+    Args:
+        images: to train on.
+        indices: of the training images.
+        validation: gives the curve and stops the training early if the curve no longer rises.
+        config: section `training` of the config.
+        run: how the training is executed.
     """
     seed, size = int(config["seed"]), int(config["batch_size"])
     iterations = int(config["crop_iterations"]), int(config["frame_iterations"])
@@ -49,30 +56,23 @@ def train_from_scratch(
     def feed(iteration: int) -> tuple[Images, Boxes]:
         relit = relit_share(iteration * size)
         if iteration < schedule.crop_iterations:
-            return batch(
-                images,
-                crops.take(iteration * size, size),
-                CROP_SIZE,
-                (seed, CROP_PHASE, iteration),
-                relit,
-            )
-        first = (iteration - schedule.crop_iterations) * size
-        return batch(
-            images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration), relit
-        )
+            chosen = crops.take(iteration * size, size)
+            return batch(images, chosen, CROP_SIZE, (seed, CROP_PHASE, iteration), relit)
+        chosen = frames.take((iteration - schedule.crop_iterations) * size, size)
+        return batch(images, chosen, images.size, (seed, FRAME_PHASE, iteration), relit)
 
     shown = [images.digest, indices.tolist(), validation.digest]
-    identity = hashlib.sha256(
-        json.dumps([dict(config), shown], sort_keys=True).encode()
-    ).hexdigest()
+    content = json.dumps([dict(config), shown], sort_keys=True)
+    identity = hashlib.sha256(content.encode()).hexdigest()
     watch = watching(validation, int(config["validate_every"]), int(config["patience"]))
-    return fit(
-        initial_model(seed, lambda: Yolo(SIZES[config["size"]])),
-        Lesson(schedule, feed, identity, watch),
-        run,
-    )
+    model = initial_model(seed, lambda: Yolo(SIZES[config["size"]]))
+    return fit(model, Lesson(schedule, feed, identity, watch), run)
 
 
 def relit_share(shown: int) -> float:
-    """Share of examples with other colours and light, in [0, 1], after `shown` images."""
+    """Share of examples with other colours and light, in [0, 1], after `shown` images.
+
+    >>> relit_share(0), relit_share(115_000), relit_share(1_000_000)
+    (0.0, 0.5, 1.0)
+    """
     return min(1.0, max(0.0, (shown - RELIT_FROM) / (RELIT_ALL - RELIT_FROM)))

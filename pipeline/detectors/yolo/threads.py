@@ -18,8 +18,8 @@ def use_threads(threads: int) -> None:
 def end_idle_threads() -> None:
     """End the threads that wait for PyTorch's next computation, which starts new ones.
 
-    They spin for milliseconds before they sleep, on cores that this process needs for something else. An OpenMP library that cannot end
-    them keeps them.
+    They spin for milliseconds before they sleep, on cores that this process needs for something
+    else. An OpenMP library that cannot end them keeps them.
     """
     pause = getattr(ctypes.CDLL(None), "omp_pause_resource_all", None)
     if pause is not None:

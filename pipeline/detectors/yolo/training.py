@@ -1,7 +1,8 @@
-"""Training: AdamW or Muon, cosine schedule, averaged weights, bfloat16; first on crops, then on full frames.
+"""Training: AdamW or Muon, cosine schedule, averaged weights, bfloat16; crops, then full frames.
 
-The budget counts pixels, not seconds, and a batch depends only on its number, so a killed run resumes from its checkpoint and reaches the
-same weights: to the last bit with the same number of threads on the same kind of processor.
+The budget counts pixels, not seconds, and a batch depends only on its number. So if a run is
+killed, it resumes from its checkpoint and reaches the same weights: to the last bit with the same
+number of threads on the same kind of processor.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ WEIGHT_DECAY = 0.03
 FINAL_SHARE = 0.01
 """The last learning rate as a share of the peak."""
 FINITE_EVERY = 10
-"""Iterations between reads of the loss, because each read makes a GPU wait; every checkpoint also reads it."""
+"""Iterations between reads of the loss, because each read makes a GPU wait.
+
+Every checkpoint also reads it."""
 AHEAD = 4
 """Batches that workers prepare ahead of a GPU."""
 
@@ -51,10 +54,19 @@ AHEAD = 4
 class Schedule:
     """Length and learning rate of a training.
 
-    crop_iterations, frame_iterations: batches of crops, then of full frames. learning_rate: its peak, after `warm_up` iterations; it falls
-    as a cosine of the pixels shown to `FINAL_SHARE` of it. averaging: limit of the decay of the averaged weights, in [0, 1).
-    frozen_statistics: keep the normalisation's statistics, which short runs on few images would spoil. muon: for the hidden kernels,
-    instead of AdamW. crop_share: a crop's pixels as a share of a frame's.
+    Args:
+        crop_iterations, frame_iterations: number of batches of crops, then of full frames.
+        learning_rate: its peak, in (0, 1), after `warm_up` iterations; it falls as a cosine of the
+            pixels shown to `FINAL_SHARE` of it.
+        warm_up: number of iterations in which the learning rate rises.
+        averaging: limit of the decay of the averaged weights, in [0, 1).
+        frozen_statistics: keep the normalisation's statistics, which short runs on few images would
+            spoil.
+        muon: whether Muon changes the hidden kernels, instead of AdamW.
+        crop_share: a crop's pixels as a share of a frame's.
+
+    Raises:
+        ValueError: if a value is out of range.
     """
 
     crop_iterations: int
@@ -69,7 +81,8 @@ class Schedule:
     def __post_init__(self) -> None:
         if min(self.crop_iterations, self.frame_iterations) < 0 or self.iterations < 1:
             raise ValueError(
-                f"iterations must be at least 1 in all, got {self.crop_iterations} and {self.frame_iterations}"
+                f"iterations must be at least 1 in all, got {self.crop_iterations}"
+                f" and {self.frame_iterations}"
             )
         if not 0 < self.learning_rate < 1:
             raise ValueError(f"learning_rate must be in (0, 1), got {self.learning_rate}")
@@ -78,6 +91,7 @@ class Schedule:
 
     @property
     def iterations(self) -> int:
+        """Number of all batches."""
         return self.crop_iterations + self.frame_iterations
 
     def phase(self, iteration: int) -> str:
@@ -88,13 +102,10 @@ class Schedule:
 
     def rate(self, iteration: int) -> float:
         """Learning rate of an iteration, counted from 0."""
-        crops, frames = (
-            min(iteration, self.crop_iterations),
-            max(0, iteration - self.crop_iterations),
-        )
-        share = (crops * self.crop_share + frames) / (
-            self.crop_iterations * self.crop_share + self.frame_iterations
-        )
+        crops = min(iteration, self.crop_iterations)
+        frames = max(0, iteration - self.crop_iterations)
+        pixels = self.crop_iterations * self.crop_share + self.frame_iterations
+        share = (crops * self.crop_share + frames) / pixels
         cosine = FINAL_SHARE + (1 - FINAL_SHARE) * 0.5 * (1 + math.cos(math.pi * share))
         return self.learning_rate * cosine * min(1.0, (iteration + 1) / max(self.warm_up, 1))
 
@@ -103,8 +114,10 @@ class Schedule:
 class Validation:
     """Evaluates the averaged network at intervals, so that a training without progress stops early.
 
-    ap50: of a network in evaluation mode. every: iterations between evaluations. patience: number of evaluations without a new best after
-    which training stops.
+    Attributes:
+        ap50: of a network in evaluation mode.
+        every: iterations between evaluations.
+        patience: number of evaluations without a new best after which training stops.
     """
 
     ap50: Callable[[Yolo], float]
@@ -116,8 +129,12 @@ class Validation:
 class Lesson:
     """The content of a training.
 
-    feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros without a pedestrian. identity: digest of everything
-    that determines the batches. validation: None for a training without evaluations.
+    Attributes:
+        schedule: length and learning rate.
+        feed: from an iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros
+            without a pedestrian.
+        identity: digest of everything that determines the batches.
+        validation: None for a training without evaluations.
     """
 
     schedule: Schedule
@@ -130,9 +147,11 @@ class Lesson:
 class Run:
     """How a training is executed.
 
-    checkpoint: file, written every 45 s and at the end, and read at the start; ignored if it belongs to another lesson or another version
-    of this package's code. threads: of PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, their total
-    and a text.
+    Attributes:
+        checkpoint: file, written every 45 s and at the end, and read at the start. Checkpoints of
+            another lesson or another code version are ignored.
+        threads: of PyTorch; None leaves OMP_NUM_THREADS in force.
+        progress: called with iterations done, their total and a text.
     """
 
     checkpoint: Path | None = None
@@ -142,7 +161,12 @@ class Run:
 
 @dataclass(frozen=True)
 class Fitted:
-    """The result of a training: the network on the CPU in evaluation mode, and its curve, empty without validation."""
+    """The result of a training.
+
+    Attributes:
+        model: the network, on the CPU in evaluation mode.
+        curve: empty without validation.
+    """
 
     model: Yolo
     curve: tuple[CurvePoint, ...]
@@ -156,16 +180,21 @@ def initial_model(seed: int, model: Callable[[], Yolo] = Yolo) -> Yolo:
 
 
 def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
-    """Train `model` and return the averaged weights: the last ones, or the best ones if validation stopped the training early.
+    """Train a network.
 
-    InputError if the loss is not finite.
+    Args:
+        model: changed in place.
+        lesson: what to train on.
+        run: how the training is executed.
+
+    Returns:
+        The averaged weights: the last ones, or the best ones if validation stopped the training
+        early.
+
+    Raises:
+        InputError: if the loss is not finite.
     """
-    schedule, validation, checkpoint, progress = (
-        lesson.schedule,
-        lesson.validation,
-        run.checkpoint,
-        run.progress,
-    )
+    schedule, validation, checkpoint = lesson.schedule, lesson.validation, run.checkpoint
     if run.threads is not None:
         use_threads(run.threads)
     cv2.setNumThreads(1)
@@ -177,34 +206,25 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
         resume(checkpoint, identity, state, device)
     saved, resumed = time.monotonic(), state.iteration
     losses: deque[Loss] = deque(maxlen=20)
-    stop = (
-        schedule.iterations
-        if validation is None or not state.exhausted(validation.patience)
-        else state.iteration
-    )
+    stop = schedule.iterations
+    if validation is not None and state.exhausted(validation.patience):
+        stop = state.iteration
     forward = Forward(state.model, device)
     for images, boxes in _batches(lesson.feed, state.iteration, stop, device):
         losses.append(_step(state, schedule, forward, images, boxes))
-        if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
+        last = state.iteration == schedule.iterations
+        if state.iteration % FINITE_EVERY == 0 or last:
             _check_finite(losses, state.iteration, schedule)
-        if progress is not None and (
-            state.iteration % 10 == 0 or state.iteration == schedule.iterations
-        ):
-            progress(
-                state.iteration,
-                schedule.iterations,
-                schedule.phase(state.iteration) + _text(losses, state.curve),
-            )
-        if validation is not None and (
-            state.iteration % validation.every == 0 or state.iteration == schedule.iterations
-        ):
+        if run.progress is not None and (state.iteration % 10 == 0 or last):
+            text = schedule.phase(state.iteration) + _text(losses, state.curve)
+            run.progress(state.iteration, schedule.iterations, text)
+        if validation is not None and (state.iteration % validation.every == 0 or last):
             _check_finite(losses, state.iteration, schedule)
             _evaluate(state, schedule, validation)
             if state.exhausted(validation.patience):
                 break
-        if (
-            checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS
-        ):  # Save after the evaluation: a kill must not lose it.
+        # Save after the evaluation: a kill must not lose it.
+        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
             _check_finite(losses, state.iteration, schedule)
             save(checkpoint, identity, state)
             saved = time.monotonic()
@@ -216,16 +236,15 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
 
 
 def _evaluate(state: State, schedule: Schedule, validation: Validation) -> None:
+    """Add a point to the curve, and keep the averaged weights if they are the best so far."""
     since = state.iteration - (state.curve[-1].iteration if state.curve else 0)
     scores, boxes = (float(total) / since for total in state.sums)
     ap50 = validation.ap50(state.average)
     if all(ap50 > point.ap50 for point in state.curve):
-        state.best = {
-            name: value.detach().clone() for name, value in state.average.state_dict().items()
-        }
-    state.curve.append(
-        CurvePoint(state.iteration, schedule.rate(state.iteration - 1), scores, boxes, ap50)
-    )
+        weights = state.average.state_dict()
+        state.best = {name: value.detach().clone() for name, value in weights.items()}
+    rate = schedule.rate(state.iteration - 1)
+    state.curve.append(CurvePoint(state.iteration, rate, scores, boxes, ap50))
     state.sums.zero_()
 
 
@@ -233,20 +252,21 @@ def _check_finite(losses: deque[Loss], iteration: int, schedule: Schedule) -> No
     """Stop a training with a non-finite loss before its weights are saved."""
     if not all(math.isfinite(float(loss.total.detach())) for loss in losses):
         raise InputError(
-            f"the loss is not finite at iteration {iteration}: lower learning_rate, now {schedule.learning_rate:g}, or check the labels"
+            f"the loss is not finite at iteration {iteration}: lower learning_rate, now"
+            f" {schedule.learning_rate:g}, or check the labels"
         )
 
 
 def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
-    model = model.to(device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
+    model = model.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    model.train()
     if schedule.frozen_statistics:
         for module in model.modules():
             if isinstance(module, nn.BatchNorm2d):
                 module.eval()
     optimiser = Optimiser(model, WEIGHT_DECAY, schedule.muon)
-    return State(
-        0, model, copy.deepcopy(model).eval(), optimiser, {}, torch.zeros(2, device=device), []
-    )
+    average, sums = copy.deepcopy(model).eval(), torch.zeros(2, device=device)
+    return State(0, model, average, optimiser, {}, sums, [])
 
 
 def _step(
@@ -274,6 +294,7 @@ def _grid(width: int, height: int, device: torch.device) -> tuple[Tensor, Tensor
 def _batches(
     feed: Feed, start: int, stop: int, device: torch.device
 ) -> Iterator[tuple[Tensor, Tensor]]:
+    """The batches of iterations; for a GPU, workers prepare them ahead."""
     if device.type == "cpu":  # The network needs all cores.
         for iteration in range(start, stop):
             end_idle_threads()  # The batch needs their cores.
@@ -284,17 +305,16 @@ def _batches(
             pool.submit(feed, i) for i in range(start, min(start + AHEAD, stop))
         )
         for iteration in range(start, stop):
-            made = waiting.popleft().result()
+            batch = waiting.popleft().result()
             if iteration + AHEAD < stop:
                 waiting.append(pool.submit(feed, iteration + AHEAD))
-            yield _tensors(made, device)
+            yield _tensors(batch, device)
 
 
 def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
     """Images (n, 3, h, w) uint8 in the channels-last format, and boxes (n, 4)."""
-    return torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2), torch.from_numpy(batch[1]).to(
-        device
-    )
+    images, boxes = (torch.from_numpy(part).to(device) for part in batch)
+    return images.permute(0, 3, 1, 2), boxes
 
 
 def _text(losses: deque[Loss], curve: list[CurvePoint]) -> str:

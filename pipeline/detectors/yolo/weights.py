@@ -1,4 +1,4 @@
-"""weights.safetensors: the network's weights at half precision and its architecture, nothing else."""
+"""weights.safetensors: the network's weights at half precision, and its architecture."""
 
 from __future__ import annotations
 
@@ -21,27 +21,30 @@ COUNTERS = "num_batches_tracked"
 
 def save_weights(path: Path, model: Yolo) -> None:
     """Write the weights as float16; the same weights give the same bytes."""
-    tensors = {
-        name: tensor.detach().half().cpu().contiguous() for name, tensor in _tensors(model).items()
-    }
+    tensors = {}
+    for name, tensor in _tensors(model).items():
+        tensors[name] = tensor.detach().half().cpu().contiguous()
     # A single key: the format does not keep the order of several.
-    write_bytes(
-        path,
-        save(tensors, {"architecture": json.dumps(asdict(model.architecture), sort_keys=True)}),
-    )
+    architecture = json.dumps(asdict(model.architecture), sort_keys=True)
+    write_bytes(path, save(tensors, {"architecture": architecture}))
 
 
 def load_weights(path: Path) -> Yolo:
-    """Read a network in float32, in evaluation mode; InputError that names the file if it holds no such network, or not that of the card
-    beside it."""
+    """Read a network in float32, in evaluation mode.
+
+    Raises:
+        InputError: names the file if it holds no such network, or not that of the card beside it.
+    """
     if not path.is_file():
         raise InputError(
-            f"{path}: expected the weights of a detector (weights.safetensors), found no file; train a detector first"
+            f"{path}: expected the weights of a detector (weights.safetensors), found no file;"
+            " train a detector first"
         )
     digest, card = hashlib.sha256(read_bytes(path)).hexdigest(), path.with_name("model.json")
     if card.exists() and (expected := read_card(card).weights_sha256) != digest:
         raise InputError(
-            f"{path}: damaged or of another version, its SHA-256 must be {expected} ({card.name}), got {digest}"
+            f"{path}: damaged or of another version, its SHA-256 must be {expected} ({card.name}),"
+            f" got {digest}"
         )
     try:
         with safe_open(path, framework="pt") as file:
@@ -54,7 +57,18 @@ def load_weights(path: Path) -> Yolo:
             f"{path} holds no Blindspot detector ({error}); train one with `train`"
         ) from error
     model = Yolo(architecture)
-    _check(path, tensors, _tensors(model))
+    expected_tensors = _tensors(model)
+    for name in sorted(tensors.keys() ^ expected_tensors.keys()):
+        raise InputError(
+            f"{path}: expected the {len(expected_tensors)} tensors of our network;"
+            f" '{name}' is missing or unexpected"
+        )
+    for name, tensor in expected_tensors.items():
+        if tensors[name].shape != tensor.shape:
+            raise InputError(
+                f"{path}: '{name}' must have shape {tuple(tensor.shape)},"
+                f" got {tuple(tensors[name].shape)}"
+            )
     model.load_state_dict(tensors, strict=False)
     return model.eval()
 
@@ -63,15 +77,3 @@ def _tensors(model: Yolo) -> dict[str, torch.Tensor]:
     return {
         name: tensor for name, tensor in model.state_dict().items() if not name.endswith(COUNTERS)
     }
-
-
-def _check(path: Path, found: dict[str, torch.Tensor], expected: dict[str, torch.Tensor]) -> None:
-    for name in sorted(found.keys() ^ expected.keys()):
-        raise InputError(
-            f"{path}: expected the {len(expected)} tensors of our network; '{name}' is missing or unexpected"
-        )
-    for name, tensor in expected.items():
-        if found[name].shape != tensor.shape:
-            raise InputError(
-                f"{path}: '{name}' must have shape {tuple(tensor.shape)}, got {tuple(found[name].shape)}"
-            )
