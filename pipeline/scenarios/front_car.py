@@ -91,7 +91,8 @@ class SnapshotSpace(Part):
 
 
 class FrontCar(Part):
-    """The front-car study: from a few random points to full coverage, and its gain for a detector."""
+    """The front-car study: from a few random points to full coverage, and what a detector gains
+    from it."""
 
     space: SnapshotSpace
     k: int = Field(ge=1, le=6)
