@@ -41,11 +41,7 @@ class _Token:
 
 
 class _WrongError(ValueError):
-    """A mistake in a text, and its place."""
-
-    def __init__(self, place: int, problem: str) -> None:
-        super().__init__(problem)
-        self.place = place
+    """A mistake in a text: its place and the problem."""
 
 
 def read_constraint(text: str, variables: Sequence[Variable]) -> tuple[Clause, ...]:
@@ -71,9 +67,8 @@ def read_constraint(text: str, variables: Sequence[Variable]) -> tuple[Clause, .
     try:
         expression = _Parser(text, variables).whole()
     except _WrongError as error:
-        raise ValueError(
-            f"constraint {shown(text)}, character {error.place + 1}: {error}"
-        ) from error
+        place, problem = error.args
+        raise ValueError(f"constraint {shown(text)}, character {place + 1}: {problem}") from error
     try:
         return clauses_of(expression, [variable.size for variable in variables])
     except ValueError as error:

@@ -347,21 +347,19 @@ class _Encoding:
             for variable, number in zip(variables, cell, strict=True):
                 category = int(np.argmax(self._class[variable] == number))
                 assumptions += self._assumptions(variable, category)
-            if self._solver.solve(assumptions=assumptions):
-                self._keep_solution()
-                classes[tuple(self._solutions[self._solution_count - 1, columns])] = True
+            if not self._solver.solve(assumptions=assumptions):
+                continue
+            solution = self._unnamed.copy()
+            for literal in self._solver.get_model():
+                if 0 < literal <= len(self._meaning):
+                    column, number = self._meaning[literal - 1]
+                    solution[column] = number
+            classes[tuple(solution[columns])] = True
+            if self._solution_count == len(self._solutions):
+                self._solutions = np.vstack([self._solutions, np.zeros_like(self._solutions)])
+            self._solutions[self._solution_count] = solution
+            self._solution_count += 1
         return classes[np.ix_(*(self._class[v] for v in variables))]
-
-    def _keep_solution(self) -> None:
-        row = self._unnamed.copy()
-        for literal in self._solver.get_model():
-            if 0 < literal <= len(self._meaning):
-                column, number = self._meaning[literal - 1]
-                row[column] = number
-        if self._solution_count == len(self._solutions):
-            self._solutions = np.vstack([self._solutions, np.zeros_like(self._solutions)])
-        self._solutions[self._solution_count] = row
-        self._solution_count += 1
 
 
 def parse_literal(text: str, labels: Mapping[str, Sequence[str]]) -> Literal:

@@ -215,16 +215,12 @@ class FunctionalScenario(Part):
         return actors
 
     @model_validator(mode="after")
-    def _can_be_tested(self) -> FunctionalScenario:
+    def _can_be_executed(self) -> FunctionalScenario:
         count = len(self.logical_space())
         if count < 2:  # Coverage and diversity count pairs of categories.
             raise ValueError(
                 f"space: expected at least two variables, `people` included, got {count}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _can_be_driven(self) -> FunctionalScenario:
         try:
             route = self.ego.route()
         except ValueError as error:

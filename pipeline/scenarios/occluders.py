@@ -23,18 +23,16 @@ def occluders(scenario: FunctionalScenario, signals: Signals) -> frozenset[str]:
         areas.append(np.nan_to_num((right - left) * (bottom - top)))
     visible, whole = areas
     hidden = np.flatnonzero((whole > 0) & (visible <= (1 - HIDDEN) * whole)).tolist()
-    between = []
-    for name in scenario.actors:
-        if any(_is_between(scenario, name, signals, step) for step in hidden):
-            between.append(name)
+    between = set()
+    for name, actor in scenario.actors.items():
+        route = actor.route()
+        for step in hidden:
+            pose = route.at(actor.travelled(float(signals["time_s"][step])))
+            ego, pedestrian = (
+                (float(signals[f"{who}_x_m"][step]), float(signals[f"{who}_y_m"][step]))
+                for who in ("ego", "pedestrian")
+            )
+            if actor.footprint(pose).crossed_by(ego, pedestrian):
+                between.add(name)
+                break
     return frozenset(between)
-
-
-def _is_between(scenario: FunctionalScenario, name: str, signals: Signals, step: int) -> bool:
-    actor = scenario.actors[name]
-    footprint = actor.footprint(actor.route().at(actor.travelled(float(signals["time_s"][step]))))
-    ego, pedestrian = (
-        (float(signals[f"{who}_x_m"][step]), float(signals[f"{who}_y_m"][step]))
-        for who in ("ego", "pedestrian")
-    )
-    return footprint.crossed_by(ego, pedestrian)
