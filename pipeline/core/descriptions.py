@@ -242,7 +242,7 @@ class _Interval:
         up_to = np.cumsum(np.bincount(self._first_at[rows], minlength=count + 1))[:count]
         between = np.asarray(up_to[None, :] - below[:, None], dtype=np.int64)
         if self._cyclic:
-            return between + self._backwards * rows.sum()
+            return np.asarray(between + self._backwards * rows.sum())
         return between * (1 - self._backwards)
 
 
