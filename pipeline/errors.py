@@ -1,4 +1,4 @@
-"""The errors that callers handle: bad input, a simulation that failed to execute, and a run without a result."""
+"""The errors that callers handle: bad input, a failed simulation, and a run without a result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ LONGEST_VALUE, LONGEST_MESSAGE = 80, 600
 
 
 class InputError(ValueError):
-    """Bad input from outside (a key, a file, a machine); its message says what to do. The command line exits with 2."""
+    """Bad input from outside (a key, a file, a machine); its message says what to do.
+
+    The command line exits with 2.
+    """
 
 
 def shown(value: Any) -> str:
@@ -25,7 +28,8 @@ def shown(value: Any) -> str:
 
 def one_line(error: Exception | str) -> str:
     """A message on one line, without control characters, cut where it is long."""
-    text = " ".join("".join(sign if sign.isprintable() else " " for sign in str(error)).split())
+    printable = (sign if sign.isprintable() else " " for sign in str(error))
+    text = " ".join("".join(printable).split())
     return text if len(text) <= LONGEST_MESSAGE else f"{text[:LONGEST_MESSAGE]}…"
 
 
@@ -34,7 +38,7 @@ class SimulationError(RuntimeError):
 
 
 class NoResultError(RuntimeError):
-    """All tests of a campaign ended in an error, so it has no result. The command line exits with 1."""
+    """All tests of a campaign ended in an error. The command line exits with 1."""
 
 
 MACHINE = {
@@ -47,11 +51,11 @@ MACHINE = {
     errno.ENFILE: "the machine has no file handles left",
     errno.EIO: "the disk cannot be read or written",
 }
-"""What a failed system call says about the machine, by its number."""
+"""The state of the machine after a failed system call, by error number."""
 
 
 def machine_error(error: BaseException) -> InputError | None:
-    """The error for a user whose machine lacks room, rights or handles; None for any other exception."""
+    """The error for a machine that lacks room, rights or handles; None for any other exception."""
     if not isinstance(error, OSError) or error.errno not in MACHINE:
         return None
     place = "" if error.filename is None else f"{error.filename}: "
@@ -73,20 +77,19 @@ DISTRIBUTIONS = {
 
 
 def missing_extra(error: ModuleNotFoundError) -> InputError:
-    """The error for a user who lacks an extra, or who has not activated the checkout's environment; raises the original error for a module
-    that no extra provides."""
+    """The error for a module that an extra or the checkout's environment provides.
+
+    Raises:
+        ModuleNotFoundError: the given error, if neither provides the module.
+    """
     module = (error.name or "").partition(".")[0]
     distribution = DISTRIBUTIONS.get(module, module.replace("_", "-"))
     pattern = re.compile(rf"{re.escape(distribution)}\b(?!-).*; extra == [\"'](.+)[\"']")
-    found = [
-        match[1]
-        for requirement in requires("blindspot") or ()
-        if module and (match := pattern.fullmatch(requirement))
-    ]
-    if found:
-        return InputError(
-            f"needs {module}, which is not installed; type: pip install 'blindspot[{found[0]}]'"
-        )
+    for requirement in requires("blindspot") or () if module else ():
+        if match := pattern.fullmatch(requirement):
+            return InputError(
+                f"needs {module}, which is not installed; type: pip install 'blindspot[{match[1]}]'"
+            )
     forgotten = sys.prefix == sys.base_prefix and (Path(__file__).parents[1] / ".venv").is_dir()
     if forgotten and module not in ("", "pipeline"):
         return InputError(

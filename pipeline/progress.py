@@ -18,7 +18,10 @@ OnProgress = Callable[[int, int, str], None]
 
 
 class Progress:
-    """Shows calls with (done, total, text): as lines in the log file, and on stderr as a bar or, without a terminal, as a few lines."""
+    """Shows the progress of a task: lines in a log file, and on stderr a bar.
+
+    Without a terminal, stderr gets a few lines in place of the bar.
+    """
 
     def __init__(self, label: str, log: Path | None = None) -> None:
         self._label, self._started = label, time.monotonic()
@@ -49,19 +52,24 @@ class Progress:
         """Report `done` of `total`; the last call, with done = total, is always shown."""
         now = time.monotonic()
         last = done >= total
-        if (
-            self._first is None or done < self._done
-        ):  # Start-up and what a killed run had done say nothing about the time left.
+        # Start-up, and the part that a killed run had done, say nothing about the time left.
+        if self._first is None or done < self._done:
             self._first = done, now
         self._done = done
-        line = self._line(
-            done, total, text, now - self._started, _left(done, total, now, *self._first)
-        )
+        share = done / total if total else 1.0
+        line = f"{self._label} {done}/{total} {share:4.0%} {now - self._started:.0f} s, "
+        line += f"{_left(done, total, now, *self._first)} left{', ' + text if text else ''}"
         if self._log is not None and (last or now - self._logged >= LOG_EVERY_S):
             self._logged = now
             self._log.write(line + "\n")
         if sys.stderr.isatty():
-            self._draw(done, total, text)
+            if self._bar is None:
+                self._bar = tqdm(
+                    total=total, initial=done, desc=self._label, file=sys.stderr, dynamic_ncols=True
+                )
+            self._bar.total = total
+            self._bar.set_postfix_str(text, refresh=False)
+            self._bar.update(done - self._bar.n)
         elif last or now - self._piped >= PIPE_EVERY_S:
             self._piped = now
             print(line, file=sys.stderr, flush=True)
@@ -75,19 +83,6 @@ class Progress:
         """Write a line to the log only."""
         if self._log is not None:
             self._log.write(text + "\n")
-
-    def _draw(self, done: int, total: int, text: str) -> None:
-        if self._bar is None:
-            self._bar = tqdm(
-                total=total, initial=done, desc=self._label, file=sys.stderr, dynamic_ncols=True
-            )
-        self._bar.total = total
-        self._bar.set_postfix_str(text, refresh=False)
-        self._bar.update(done - self._bar.n)
-
-    def _line(self, done: int, total: int, text: str, elapsed: float, left: str) -> str:
-        share = done / total if total else 1.0
-        return f"{self._label} {done}/{total} {share:4.0%} {elapsed:.0f} s, {left} left{', ' + text if text else ''}"
 
 
 def _left(done: int, total: int, now: float, first: int, since: float) -> str:

@@ -35,7 +35,11 @@ class Band:
 
 @dataclass(frozen=True)
 class World:
-    """boxes: every test inside one fails. tests: drawn at random. noise: share of the tests whose outcome is turned round."""
+    """A world with planted failures.
+
+    boxes: every test inside one fails. tests: number of random ones. noise: share of the tests with
+    a wrong outcome.
+    """
 
     boxes: tuple[Rule | Band, ...]
     texts: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""The types of numbers on a command line; argparse says what is wrong and ends with exit code 2."""
+"""The types of numbers on a command line; argparse reports errors with exit code 2."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def whole(least: int, most: int = MOST) -> Callable[[str], int]:
     """Reads a whole number from `least` to `most`; ArgumentTypeError for another text."""
 
     def read(text: str) -> int:
-        # Python refuses to read thousands of digits.
+        # Python rejects thousands of digits.
         if not text.isdecimal() or len(text) > len(str(most)) or not least <= int(text) <= most:
             raise argparse.ArgumentTypeError(
                 f"expected a whole number from {least} to {most}, got {shown(text)}"

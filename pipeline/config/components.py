@@ -1,4 +1,7 @@
-"""The classes that `_target_` names in conf/: checked before any work begins, and made when they are needed."""
+"""The classes that `_target_` names in conf/.
+
+They are checked before any work begins, and instantiated when they are needed.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,11 @@ STORED_FROM = 0.05
 
 @dataclass(frozen=True)
 class Kind:
-    """What a class must be. given: parameters that it gets from the pipeline and must take. offered: others that it may take."""
+    """The requirements on a class.
+
+    given: parameters that it gets from the pipeline and must take. offered: others that it may
+    take.
+    """
 
     protocol: type
     given: tuple[str, ...]
@@ -39,9 +46,11 @@ class Kind:
 
     @property
     def methods(self) -> tuple[str, ...]:
+        """The methods that its protocol asks for."""
+        members = vars(self.protocol).items()
         return tuple(
             name
-            for name, member in vars(self.protocol).items()
+            for name, member in members
             if inspect.isfunction(member) and not name.startswith("_")
         )
 
@@ -53,65 +62,69 @@ SAMPLER = Kind(Sampler, ("space", "seed"), ("earlier",))
 
 def make_simulator(section: Mapping[str, Any], scenario: FunctionalScenario, car: Car) -> Simulator:
     """The simulator of a section of the config."""
-    made: Simulator = component("simulator", SIMULATOR, section)(scenario=scenario, car=car)
-    return made
+    simulator: Simulator = component("simulator", SIMULATOR, section)(scenario=scenario, car=car)
+    return simulator
 
 
 def make_detector(section: Mapping[str, Any], model: Path) -> Detector:
-    """The detector of a section of the config. It also gives detections below its threshold, from `STORED_FROM`: the car ignores them."""
-    checked = component("detector", DETECTOR, section)
-    lower = (
-        {"threshold": min(STORED_FROM, float(section["threshold"]))}
-        if "threshold" in section
-        else {}
-    )
-    made: Detector = checked(model=str(model), **lower)
-    return made
+    """The detector of a section of the config.
+
+    It also gives detections below its threshold, from `STORED_FROM`; the car ignores them.
+    """
+    settings: dict[str, Any] = {"model": str(model)}
+    if "threshold" in section:
+        settings["threshold"] = min(STORED_FROM, float(section["threshold"]))
+    detector: Detector = component("detector", DETECTOR, section)(**settings)
+    return detector
 
 
 def make_sampler(section: Mapping[str, Any], space: Space, seed: int, **earlier: Any) -> Sampler:
     """The strategy of a section of the config. earlier: tests of earlier campaigns."""
-    made: Sampler = component("sampler", SAMPLER, section)(space=space, seed=seed, **earlier)
-    return made
+    sampler: Sampler = component("sampler", SAMPLER, section)(space=space, seed=seed, **earlier)
+    return sampler
 
 
 def component(key: str, kind: Kind, section: Mapping[str, Any]) -> Callable[..., Any]:
-    """The class of a section with its settings, which lacks only what the pipeline gives; InputError that names the key.
+    """The class of a section with its settings; it lacks only the pipeline's parameters.
 
-    Only a class of the right kind is made, and nothing that a value in the section names.
+    Nothing that a value in the section names is instantiated.
+
+    Args:
+        key: of the section, for messages.
+        kind: the requirements on the class.
+        section: `_target_` and settings.
+
+    Raises:
+        InputError: a class of another kind, or wrong settings; the message names the key.
     """
-    found = _class(f"{key}._target_", kind, section["_target_"])
-    return partial(
-        found,
-        **_settings(
-            key, kind, found, {name: value for name, value in section.items() if name != "_target_"}
-        ),
-    )
+    target = _class(f"{key}._target_", kind, section["_target_"])
+    values = {name: value for name, value in section.items() if name != "_target_"}
+    return partial(target, **_settings(key, kind, target, values))
 
 
 def check_components(config: Config) -> None:
-    """Check every class and all its settings, and that named files exist; InputError that names the key.
+    """Check every class and all its settings, and that named files exist.
 
-    Strategies are made. Of simulators and detectors, which need OpenGL and a model, the signature is checked.
+    Strategies are instantiated. Of simulators and detectors, which need OpenGL and a model, the
+    signature is checked.
+
+    Raises:
+        InputError: the first fault; the message names the key.
     """
     component("simulator", SIMULATOR, config.simulator)
-    _check_needs(config)
-    _check_points(config)
-    _check_noise(config)
+    _check_scenarios(config)
     component("detector", DETECTOR, config.detector)
-    _check_threshold(config)
+    _check_signatures(config)
     for name, section in config.samplers.items():
-        used = (
-            config.search
-            if name in config.strategies
-            else config.held_out
-            if name == config.comparison.strategy
-            else config.search[:1]
-        )
-        made = component(f"samplers.{name}", SAMPLER, section)
-        for scenario in used:
+        scenarios = config.search[:1]
+        if name in config.strategies:
+            scenarios = config.search
+        elif name == config.comparison.strategy:
+            scenarios = config.held_out
+        sampler = component(f"samplers.{name}", SAMPLER, section)
+        for scenario in scenarios:
             try:
-                made(space=config.space(scenario), seed=0)
+                sampler(space=config.space(scenario), seed=0)
             except ValueError as error:
                 raise InputError(f"samplers.{name}: {error}") from error
     _check_files(config)
@@ -120,69 +133,58 @@ def check_components(config: Config) -> None:
         config.exposure.of(scenario, config.space(scenario))
     if config.audited and not config.independent(AUDIT):
         raise InputError(
-            f"samplers.{AUDIT}: the audit needs a class whose tests are independent; or set campaign.audit=0"
+            f"samplers.{AUDIT}: the audit needs a class whose tests are independent; "
+            "or set campaign.audit=0"
         )
 
 
 def _check_files(config: Config) -> None:
     """The files that a person names are there."""
-    if config.filter.overrules is not None and not Path(config.filter.overrules).is_file():
-        raise InputError(
-            f"filter.overrules: expected a CSV, found no file {config.filter.overrules}"
-        )
-    for kind in (
-        ("weights", "card", "curve")
-        if config.base.source == "shipped" or config.goal == "front_car"
-        else ()
-    ):
-        if not (file := Path(config.base.weights, VERSION_FILES[kind])).is_file():
-            raise InputError(
-                f"base.weights: expected the folder of a detector, found no file {file}"
-            )
+    overrules = config.filter.overrules
+    if overrules is not None and not Path(overrules).is_file():
+        raise InputError(f"filter.overrules: expected a CSV, found no file {overrules}")
+    if config.base.source == "shipped" or config.goal == "front_car":
+        for kind in ("weights", "card", "curve"):
+            if not (file := Path(config.base.weights, VERSION_FILES[kind])).is_file():
+                raise InputError(
+                    f"base.weights: expected the folder of a detector, found no file {file}"
+                )
     for name, path in config.tested.items() if config.goal == "detectors" else ():
         if not Path(path).exists():
             raise InputError(
                 f"tested.{name}: expected the file or folder of a detector, found no {path}"
             )
-        if (
-            path.endswith(WEIGHTS_SUFFIX)
-            and not (card := Path(path).with_name(VERSION_FILES["card"])).is_file()
-        ):
+        card = Path(path).with_name(VERSION_FILES["card"])
+        if path.endswith(WEIGHTS_SUFFIX) and not card.is_file():
             raise InputError(
                 f"tested.{name}: expected the card of these weights beside them, found no {card}"
             )
 
 
-def _check_needs(config: Config) -> None:
-    """The variables of each scenario are those that the simulator needs; it uses others if it is not closed."""
+def _check_scenarios(config: Config) -> None:
+    """Each scenario has the simulator's variables, and constraints that leave enough points.
+
+    A simulator uses other variables, too, if it is not closed.
+    """
     target = config.simulator["_target_"]
     simulator = _class("simulator._target_", SIMULATOR, target)
     needs: Mapping[str, Admitted] = getattr(simulator, "needs", {})
+    closed = getattr(simulator, "closed", False)
     for scenario in (*config.search, *config.held_out):
-        variables = {variable.name: variable for variable in config.space(scenario).variables}
-        if unused := [
-            name for name in variables if name not in needs and getattr(simulator, "closed", False)
-        ]:
-            raise InputError(
-                f"scenarios.{scenario}.space.{unused[0]}: {target} does not use this variable"
-            )
+        space, key = config.space(scenario), f"scenarios.{scenario}.space"
+        for name in space.names:
+            if closed and name not in needs:
+                raise InputError(f"{key}.{name}: {target} does not use this variable")
+        variables = {variable.name: variable for variable in space.variables}
         for name, admitted in needs.items():
-            key = f"scenarios.{scenario}.space.{name}"
             if name not in variables:
-                raise InputError(f"key '{key}' is missing: {target} needs this variable")
+                raise InputError(f"key '{key}.{name}' is missing: {target} needs this variable")
             if admitted and not _inside(variables[name], admitted):
-                wanted = (
-                    f"values among {', '.join(map(str, admitted))}"
-                    if isinstance(admitted[0], str)
-                    else f"numbers in {list(admitted)}"
-                )
-                raise InputError(
-                    f"{key}: {target} takes {wanted}, got {shown(variables[name].to_dict())}"
-                )
-
-
-def _check_points(config: Config) -> None:
-    """The constraints of each scenario leave enough of its space to draw points from."""
+                expected = f"numbers in {list(admitted)}"
+                if isinstance(admitted[0], str):
+                    expected = f"values among {', '.join(map(str, admitted))}"
+                got = shown(variables[name].to_dict())
+                raise InputError(f"{key}.{name}: {target} takes {expected}, got {got}")
     for scenario in (*config.search, *config.held_out):
         try:
             config.space(scenario).sample(1, np.random.default_rng(0))
@@ -190,23 +192,19 @@ def _check_points(config: Config) -> None:
             raise InputError(f"scenarios.{scenario}.{error}") from error
 
 
-def _check_noise(config: Config) -> None:
-    """A simulator that executes failures with changes can give them the noise that they had."""
+def _check_signatures(config: Config) -> None:
+    """The simulator and the detector take the parameters that the study sets."""
     target = config.simulator["_target_"]
     simulator = _class("simulator._target_", SIMULATOR, target)
+    # To explain a failure, tests with changes get the noise that it had.
     parameters = inspect.signature(simulator.execute).parameters  # type: ignore[attr-defined]
     if config.regions.explain and "noise" not in parameters:
         raise InputError(
-            f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', got {config.regions.explain}"
+            f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', "
+            f"got {config.regions.explain}"
         )
-
-
-def _check_threshold(config: Config) -> None:
-    """A detector that takes a threshold gets it from the config: the study judges and brakes by it, too."""
-    parameters = inspect.signature(
-        _class("detector._target_", DETECTOR, config.detector["_target_"])
-    ).parameters
-    if "threshold" in parameters and "threshold" not in config.detector:
+    detector = _class("detector._target_", DETECTOR, config.detector["_target_"])
+    if "threshold" in inspect.signature(detector).parameters and "threshold" not in config.detector:
         raise InputError(
             "key 'detector.threshold' is missing: the study judges and brakes by it, too"
         )
@@ -223,65 +221,64 @@ def _inside(variable: Variable, admitted: Admitted) -> bool:
 
 
 def _check_learning(config: Config) -> None:
-    """InputError for a strategy that must learn from other campaigns and cannot, and for one that must not learn at all and does."""
-    found = {
+    """Strategies that transfer take earlier tests, and the held-out strategy does not learn."""
+    classes = {
         name: _class(f"samplers.{name}._target_", SAMPLER, section["_target_"])
         for name, section in config.samplers.items()
     }
     for name in config.campaign.transfer:
-        if "earlier" not in inspect.signature(found[name]).parameters:
+        if "earlier" not in inspect.signature(classes[name]).parameters:
             target = config.samplers[name]["_target_"]
             raise InputError(
-                f"campaign.transfer: '{name}' ({target}) takes no tests of other campaigns: it has no parameter 'earlier'"
+                f"campaign.transfer: '{name}' ({target}) takes no tests of other campaigns: "
+                "it has no parameter 'earlier'"
             )
     if config.learns(frozen := config.comparison.strategy):
         raise InputError(
-            f"comparison.strategy: '{frozen}' learns from results, so each version would get different tests"
+            f"comparison.strategy: '{frozen}' learns from results, "
+            "so each version would get different tests"
         )
 
 
 def _class(key: str, kind: Kind, target: str) -> type:
-    found = named(key, target)
-    wanted = (
-        f"{key}: expected a class with {' and '.join(kind.methods)}, a {kind.protocol.__name__}"
-    )
-    if not isinstance(found, type) or not all(
-        callable(getattr(found, method, None)) for method in kind.methods
-    ):
-        raise InputError(f"{wanted}, got {shown(target)}")
-    if inspect.isabstract(found) or getattr(found, "_is_protocol", False):
-        raise InputError(f"{wanted} that can be instantiated; {shown(target)} is abstract")
-    parameters = inspect.signature(found).parameters
+    """The class of a dotted name, checked."""
+    cls = named(key, target)
+    methods = " and ".join(kind.methods)
+    expected = f"{key}: expected a class with {methods}, a {kind.protocol.__name__}"
+    has_methods = all(callable(getattr(cls, method, None)) for method in kind.methods)
+    if not isinstance(cls, type) or not has_methods:
+        raise InputError(f"{expected}, got {shown(target)}")
+    if inspect.isabstract(cls) or getattr(cls, "_is_protocol", False):
+        raise InputError(f"{expected} that can be instantiated; {shown(target)} is abstract")
+    parameters = inspect.signature(cls).parameters
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
+        return cls
     for given in kind.given:
-        if given not in parameters and not any(
-            p.kind is p.VAR_KEYWORD for p in parameters.values()
-        ):
+        if given not in parameters:
             raise InputError(f"{key}: {shown(target)} must take the parameter '{given}'")
-    return found
+    return cls
 
 
-def _settings(key: str, kind: Kind, found: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a section as the annotations of its class want them."""
-    for name in (*kind.given, *kind.offered):
+def _settings(key: str, kind: Kind, cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a section, converted to the types of the class's annotations."""
+    of_study = (*kind.given, *kind.offered)
+    for name in of_study:
         if name in values:
-            raise InputError(
-                f"{key}.{name} is set by the study; leave it out{TESTED if name == 'model' else ''}"
-            )
-    parameters = {
-        name: p
-        for name, p in inspect.signature(found).parameters.items()
-        if name not in (*kind.given, *kind.offered)
-    }
-    if open_ended := any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
-        parameters = {name: p for name, p in parameters.items() if p.kind is not p.VAR_KEYWORD}
+            hint = TESTED if name == "model" else ""
+            raise InputError(f"{key}.{name} is set by the study; leave it out{hint}")
+    parameters, open_ended = {}, False
+    for name, parameter in inspect.signature(cls).parameters.items():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            open_ended = True
+        elif name not in of_study:
+            parameters[name] = parameter
     for name in () if open_ended else values:
         if name not in parameters:
             raise InputError(f"unknown key '{key}.{name}'{nearest(name, parameters)}")
-    schema = _schema(found, parameters)
+    schema = _schema(cls, parameters)
+    named_values = {name: value for name, value in values.items() if name in parameters}
     try:
-        checked = schema.model_validate_json(
-            json.dumps({name: value for name, value in values.items() if name in parameters})
-        )
+        checked = schema.model_validate_json(json.dumps(named_values))
     except ValidationError as error:
         raise InputError(message(error, schema, f"{key}.")) from error
     return {**values, **{name: getattr(checked, name) for name in checked.model_fields_set}}
@@ -290,35 +287,31 @@ def _settings(key: str, kind: Kind, found: type, values: Mapping[str, Any]) -> d
 TESTED = ": `python -m pipeline test-detector FILE` tests another detector"
 
 
-def _schema(found: type, parameters: Mapping[str, inspect.Parameter]) -> type[BaseModel]:
-    """The signature of a class as a strict schema; a parameter with an annotation that says nothing to pydantic may be anything."""
+def _schema(cls: type, parameters: Mapping[str, inspect.Parameter]) -> type[BaseModel]:
+    """The signature of a class as a strict schema.
+
+    A parameter may be anything if pydantic does not know its annotation.
+    """
     config = ConfigDict(
         strict=True, allow_inf_nan=False, arbitrary_types_allowed=True, protected_namespaces=()
     )
-    hints = _hints(found)
-    fields: dict[str, Any] = {
-        name: (
-            hints.get(name, Any),
-            ... if parameter.default is parameter.empty else parameter.default,
-        )
-        for name, parameter in parameters.items()
-        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    }
-    made: type[BaseModel]
-    try:
-        made = create_model(found.__name__, __config__=config, **fields)
-    except PydanticUserError:
-        anything: dict[str, Any] = {name: (Any, default) for name, (_, default) in fields.items()}
-        made = create_model(found.__name__, __config__=config, **anything)
-    return made
-
-
-def _hints(found: type) -> dict[str, Any]:
-    """The annotations of the constructor's parameters; those of a dataclass are its fields', which it may inherit from other modules."""
+    # The annotations of a dataclass's constructor are those of its fields, which it may inherit
+    # from other modules.
     hints: dict[str, Any] = {}
-    for described in (found, inspect.getattr_static(found, "__init__")):
+    for annotated in (cls, inspect.getattr_static(cls, "__init__")):
         try:
-            hints |= get_type_hints(described, include_extras=True)
+            hints |= get_type_hints(annotated, include_extras=True)
         except (NameError, TypeError, AttributeError):
             continue
-    return hints
+    fields: dict[str, Any] = {}
+    for name, parameter in parameters.items():
+        if parameter.kind is not parameter.VAR_POSITIONAL:
+            default = ... if parameter.default is parameter.empty else parameter.default
+            fields[name] = (hints.get(name, Any), default)
+    schema: type[BaseModel]
+    try:
+        schema = create_model(cls.__name__, __config__=config, **fields)
+    except PydanticUserError:
+        fields = {name: (Any, default) for name, (_, default) in fields.items()}
+        schema = create_model(cls.__name__, __config__=config, **fields)
+    return schema

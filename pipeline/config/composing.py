@@ -38,41 +38,37 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     for word in overrides:
         if word.endswith("={}") and not word.startswith("+"):
             raise InputError(
-                f"{word} changes nothing, because an override only adds keys; ~{word[:-3]}.KEY removes one"
+                f"{word} changes nothing, because an override only adds keys; "
+                f"~{word[:-3]}.KEY removes one"
             )
     samplers = [f"+sampler@samplers.{name}={name}" for name in _choices("sampler")]
     with initialize_config_dir(str(CONF), version_base="1.3"):
 
         def composed(words: Sequence[str], scenarios: Sequence[str] = ()) -> Any:
             # The study comes after strategies and scenarios, because it may change them.
+            all_words = [*samplers, *scenarios, f"+study={study}", *words]
             return OmegaConf.to_container(
-                hydra_compose(
-                    "config", overrides=[*samplers, *scenarios, f"+study={study}", *words]
-                ),
-                resolve=True,
-                throw_on_missing=True,
+                hydra_compose("config", overrides=all_words), resolve=True, throw_on_missing=True
             )
 
         try:
-            # The overrides of a study decide which scenarios it needs; the scenarios' overrides come last.
+            # The overrides of a study decide which scenarios it needs; the scenarios' own
+            # overrides come last.
             chosen = [word for word in overrides if not word.lstrip("+~").startswith("scenario")]
             plain = composed(overrides, _scenarios(composed(chosen)))
         except InputError:
             raise
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise InputError(_unreadable() or f"{CONF}: {error}") from error
-        except (
-            HydraException,
-            OmegaConfBaseException,
-            ValueError,
-        ) as error:  # ValueError: a number for a file, as in `camera=640`.
+        # ValueError: a number for a file, as in `camera=640`.
+        except (HydraException, OmegaConfBaseException, ValueError) as error:
             try:
                 shipped = composed([], _scenarios(composed([])))
-            except (HydraException, OmegaConfBaseException, ValueError) as own:
-                raise InputError(f"conf/study/{study}.yaml: {str(own).splitlines()[0]}") from own
-            raise InputError(
-                _override_message(shipped, overrides) or f"overrides: {str(error).splitlines()[0]}"
-            ) from error
+            except (HydraException, OmegaConfBaseException, ValueError) as fault:
+                first_line = str(fault).splitlines()[0]
+                raise InputError(f"conf/study/{study}.yaml: {first_line}") from fault
+            problem = _override_message(shipped, overrides)
+            raise InputError(problem or f"overrides: {str(error).splitlines()[0]}") from error
     config = validate(plain, "conf/")
     check_components(config)
     return config
@@ -80,12 +76,12 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
 
 def check_study(name: str) -> None:
     """InputError unless conf/study/ has a study of this name."""
-    if name not in (known := _choices("study")):
-        raise InputError(f"there is no study {shown(name)}{nearest(name, known)}")
+    if name not in (names := _choices("study")):
+        raise InputError(f"there is no study {shown(name)}{nearest(name, names)}")
 
 
 def _unreadable() -> str:
-    """What is wrong with the first file of conf/ that is not YAML."""
+    """The message for the first file of conf/ that is not YAML."""
     for path in sorted(CONF.rglob("*.yaml")):
         try:
             read_yaml(path)
@@ -122,19 +118,22 @@ def functional_scenario(name: str) -> FunctionalScenario:
 
 
 def study_of(name: str, overrides: Sequence[str] = ()) -> Config:
-    """The default study that searches a scenario of conf/scenario/ alone, with a gate that fits it."""
+    """The default study with a single searched scenario of conf/scenario/ and a gate that fits."""
     gate = [] if functional_scenario(name).asks_to_brake else ["aeb.gate=detections"]
     return compose("default", [*_alone(name), *gate, *overrides])
 
 
 def _alone(name: str) -> list[str]:
     other = "F1" if name == "F1star" else "F1star"
-    # The other scenario's people are of no population that a scenario uses: the two must differ.
+    # The other scenario's people are of no population that a scenario uses: both must differ.
     return [f"search=[{name}]", f"held_out=[{other}]", f"scenarios.{other}.people={NOBODY}"]
 
 
 def _override_message(plain: Any, overrides: Sequence[str]) -> str:
-    """Message for an override with an unknown key or file, or a value that cannot be read; empty if there is none."""
+    """The message for the first wrong override; empty if there is none.
+
+    Wrong are an unknown key or file, and a value that Hydra cannot read.
+    """
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
@@ -145,7 +144,10 @@ def _override_message(plain: Any, overrides: Sequence[str]) -> str:
         try:
             OverridesParser.create().parse_override(override)
         except HydraException:
-            return f"{key}: expected a value that Hydra reads, got {shown(value)}; is a bracket or a quotation mark missing?"
+            return (
+                f"{key}: expected a value that Hydra reads, got {shown(value)}; "
+                "is a bracket or a quotation mark missing?"
+            )
         if override.startswith("+"):  # Its key may be new.
             continue
         if (CONF / key).is_dir() and value not in (files := _choices(key)):
@@ -154,8 +156,9 @@ def _override_message(plain: Any, overrides: Sequence[str]) -> str:
         for depth, part in enumerate(path):
             if not isinstance(section, dict) or part not in section:
                 above = "".join(f"{name}." for name in path[:depth])
-                known = section if isinstance(section, dict) else []
-                return f"unknown key '{'.'.join(path)}'{nearest(above + part, [above + name for name in known])}"
+                names = section if isinstance(section, dict) else []
+                hint = nearest(above + part, [above + name for name in names])
+                return f"unknown key '{'.'.join(path)}'{hint}"
             section = section[part]
     return ""
 
@@ -169,7 +172,11 @@ def dump(config: Config, command: str) -> str:
 
 
 def load(path: Path = PARAMS) -> Config:
-    """Read params.yaml; InputError that names the file and key. It checks the schema alone, `check_components` the rest."""
+    """Read params.yaml and check its schema; `check_components` checks the rest.
+
+    Raises:
+        InputError: no such file, or a wrong key; the message names both.
+    """
     try:
         plain = read_yaml(path)
     except FileNotFoundError as error:
@@ -181,34 +188,36 @@ def load(path: Path = PARAMS) -> Config:
 
 
 def of_snakemake(config: Mapping[str, Any], source: Path = PARAMS) -> Config:
-    """The config that Snakemake hands over; its command line leaves the numbers of a list, as in `seeds=[0,1]`, as text.
+    """The config that Snakemake hands over.
 
-    source: the file that Snakemake read, for messages.
+    source: the file that Snakemake read, for messages. Its command line leaves the numbers of a
+    list, as in `seeds=[0,1]`, as text.
     """
-    seeds = config.get("seeds")
-    typed = (
-        [int(seed) if isinstance(seed, str) and seed.isdecimal() else seed for seed in seeds]
-        if isinstance(seeds, list)
-        else seeds
-    )
-    return validate({**config, "seeds": typed} if "seeds" in config else dict(config), str(source))
+    plain = dict(config)
+    if isinstance(plain.get("seeds"), list):
+        plain["seeds"] = [
+            int(seed) if isinstance(seed, str) and seed.isdecimal() else seed
+            for seed in plain["seeds"]
+        ]
+    return validate(plain, str(source))
 
 
 def validate(plain: Any, source: str) -> Config:
-    """Check plain data against the schema; InputError that names the source and the first wrong key."""
+    """Check plain data against the schema.
+
+    Raises:
+        InputError: names the source and the first wrong key.
+    """
     try:
         # As JSON, because only then does the strict schema take lists for tuples.
         return Config.model_validate_json(json.dumps(plain))
     except ValidationError as error:
-        said = message(error, Config)
-        if source == "conf/" and (scenario := re.match(r"scenarios\.(\w+)", said)):
+        problem = message(error, Config)
+        if source == "conf/" and (scenario := re.match(r"scenarios\.(\w+)", problem)):
             source = f"conf/scenario/{scenario[1]}.yaml"
-        raise InputError(f"{source}: {said}") from error
-    except (
-        TypeError,
-        ValueError,
-        RecursionError,
-    ) as error:  # Such as a date or a number of 5,000 digits.
+        raise InputError(f"{source}: {problem}") from error
+    # Such as a date or a number of 5,000 digits.
+    except (TypeError, ValueError, RecursionError) as error:
         raise InputError(
             f"{source}: expected text, numbers, lists and mappings alone ({error})"
         ) from error

@@ -13,7 +13,7 @@ Tree = dict[str, "Tree"]
 
 
 def value_at(plain: Any, key: str) -> Any:
-    """The value at a dotted key of plain data, such as `comparison.alpha`, `samplers.random` or `retraining.seeds.0`."""
+    """The value at a dotted key of plain data, such as `seeds` or `retraining.seeds.0`."""
     for part in key.split("."):
         plain = plain[int(part)] if isinstance(plain, list) else plain[part]
     return plain
@@ -21,12 +21,16 @@ def value_at(plain: Any, key: str) -> Any:
 
 def least(keys: Iterable[str]) -> list[str]:
     """The keys, each once, without those inside a section that is also listed."""
-    known = dict.fromkeys(keys)
-    return [key for key in known if not any(key.startswith(f"{other}.") for other in known)]
+    distinct = dict.fromkeys(keys)
+    sections = tuple(f"{key}." for key in distinct)
+    return [key for key in distinct if not key.startswith(sections)]
 
 
 def declared(config: Config, keys: Iterable[str]) -> Config:
-    """A config with only the values at the dotted keys; reading another key raises AttributeError (KeyError in a table by name)."""
+    """A config with only the values at the dotted keys.
+
+    Reading another key raises AttributeError, or KeyError in a table by name.
+    """
     tree: Tree = {}
     for key in least(keys):
         branch = tree
@@ -40,9 +44,8 @@ def _part(value: Any, tree: Tree) -> Any:
     if not tree:
         return value
     if isinstance(value, BaseModel):
-        return type(value).model_construct(
-            **{name: _part(getattr(value, name), branch) for name, branch in tree.items()}
-        )
+        values = {name: _part(getattr(value, name), branch) for name, branch in tree.items()}
+        return type(value).model_construct(**values)
     if isinstance(value, Mapping):
         return {name: _part(value[name], branch) for name, branch in tree.items()}
     return tuple(_part(value[int(index)], branch) for index, branch in tree.items())

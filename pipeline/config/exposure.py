@@ -1,4 +1,4 @@
-"""The files of conf/exposure: how often conditions and scenarios occur, each with its public source."""
+"""The files of conf/exposure: how often conditions and scenarios occur, with public sources."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ Source = Annotated[str, Field(min_length=10)]
 def _with_source(plain: dict[str, Any]) -> dict[str, Any]:
     if len(str(plain.get("source", ""))) < 10:
         raise ValueError(
-            "needs 'source', the public source of its numbers in words, or 'Assumed.' with the reason"
+            "needs 'source', the public source of its numbers in words, "
+            "or 'Assumed.' with the reason"
         )
     return plain
 
@@ -47,7 +48,10 @@ class Occurrence(Section):
 
 
 class Regime(Section):
-    """Conditions that occur together, such as rain and umbrellas; its variables replace those of the whole exposure."""
+    """Conditions that occur together, such as rain and umbrellas.
+
+    Its variables replace those of the whole exposure.
+    """
 
     share: float = Field(gt=0, le=1)
     source: Source
@@ -79,33 +83,40 @@ class ExposureFile(Section):
     def of(self, scenario: str, space: Space) -> Exposure:
         """The exposure of a scenario's space; InputError if it does not fit."""
         try:
-            found = Exposure.from_dict(space, self.plain)
-            found.check()
+            exposure = Exposure.from_dict(space, self.plain)
+            exposure.check()
         except ValueError as error:
             raise InputError(f"exposure for {scenario}: {error}") from error
-        return found
+        return exposure
 
     def shares(self, scenarios: Sequence[str]) -> list[float]:
-        """How often each of some scenarios occurs, given that one of them does; InputError for one without a share."""
+        """How often each of some scenarios occurs, given that one of them does.
+
+        Raises:
+            InputError: a scenario has no share.
+        """
         if len(scenarios) == 1:
             return [1.0]
-        known = self.scenarios.shares if self.scenarios else {}
+        shares = self.scenarios.shares if self.scenarios else {}
         for name in scenarios:
-            if name not in known:
-                raise InputError(
-                    f"exposure: it has no share of scenario '{name}'{nearest(name, known) if known else ''}"
-                )
-        total = sum(known[name] for name in scenarios)
-        return [known[name] / total for name in scenarios]
+            if name not in shares:
+                hint = nearest(name, shares) if shares else ""
+                raise InputError(f"exposure: it has no share of scenario '{name}'{hint}")
+        total = sum(shares[name] for name in scenarios)
+        return [shares[name] / total for name in scenarios]
 
 
 def read_exposure(name: str) -> ExposureFile:
-    """The exposure of a name in conf/exposure, or of a YAML file; InputError that names the file and key."""
+    """The exposure of a name in conf/exposure, or of a YAML file.
+
+    Raises:
+        InputError: no such file, or wrong contents; the message names the file and key.
+    """
     path = Path(name) if name.endswith((".yaml", ".yml")) else FOLDER / f"{name}.yaml"
     if not path.is_file():
-        known = [one.stem for one in FOLDER.glob("*.yaml")]
+        names = [file.stem for file in FOLDER.glob("*.yaml")]
         raise InputError(
-            f"exposure: there is no '{name}'{nearest(name, known)}, or name a .yaml file"
+            f"exposure: there is no '{name}'{nearest(name, names)}, or name a .yaml file"
         )
     try:
         return ExposureFile.model_validate(read_yaml(path))
@@ -114,7 +125,7 @@ def read_exposure(name: str) -> ExposureFile:
 
 
 def _numbers(variables: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    return {
-        name: {key: value for key, value in body.items() if key != "source"}
-        for name, body in variables.items()
-    }
+    numbers = {}
+    for name, body in variables.items():
+        numbers[name] = {key: value for key, value in body.items() if key != "source"}
+    return numbers

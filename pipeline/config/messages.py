@@ -1,4 +1,4 @@
-"""The one line that says what is wrong in a config: the key, what was expected and what came."""
+"""The message for a wrong config, on one line: the key, the expected and the actual value."""
 
 from __future__ import annotations
 
@@ -26,12 +26,16 @@ EXPECTED = {
     "greater_than_equal": "at least {ge}",
     "less_than_equal": "at most {le}",
 }
-"""What Pydantic's errors mean, in the words of those who write YAML. {name}: a limit from the error's context."""
+"""What Pydantic's errors mean, in the words of those who write YAML. {name}: a limit from the
+error's context."""
 LIMITS = ("min_length", "max_length", "gt", "ge", "le")
 
 
 def message(error: ValidationError, model: type[BaseModel], prefix: str = "") -> str:
-    """The first wrong key of a schema, with the nearest known one if it is unknown. prefix: the key of the section, with a dot."""
+    """The message for the first wrong key of a schema.
+
+    prefix: the key of the section, with a dot. An unknown key gets the nearest possible one.
+    """
     # An unknown key often explains a missing one, so it comes first.
     first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"] if part != "[key]"]
@@ -58,14 +62,12 @@ def _text(error: ErrorDetails) -> str:
 
 
 def _keys(model: Any, path: Sequence[str]) -> list[str]:
-    """Known keys of the section at a path of the schema."""
+    """The possible keys of the section at a path of the schema."""
     for part in path:
         fields = getattr(model, "model_fields", {})
         if part in fields:
             model = fields[part].annotation
         if get_args(model):
-            model = next(
-                (a for a in get_args(model) if isinstance(a, type) and issubclass(a, BaseModel)),
-                model,
-            )
+            classes = [part for part in get_args(model) if isinstance(part, type)]
+            model = next((part for part in classes if issubclass(part, BaseModel)), model)
     return list(getattr(model, "model_fields", {}))

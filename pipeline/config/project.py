@@ -1,4 +1,4 @@
-"""The project's folder, which holds params.yaml, data/ and models/: commands find it from any folder."""
+"""The project's folder, with params.yaml, data/ and models/; commands find it from any folder."""
 
 from __future__ import annotations
 
@@ -14,19 +14,25 @@ _typed_in = Path()
 
 
 def project_of(here: Path) -> Path:
-    """The nearest project at or above a folder, or else the checkout that this package is imported from, or else the folder itself."""
+    """The nearest project at or above a folder.
+
+    Without one, the checkout that this package is imported from; without that, the folder itself.
+    """
     return next(filter(is_project, (here, *here.parents, CHECKOUT)), here)
 
 
 def is_project(folder: Path) -> bool:
-    """Whether a folder is a checkout, or has a params.yaml; but data/<study>/params.yaml belongs to the project around it."""
+    """Whether a folder is a checkout, or has a params.yaml.
+
+    data/<study>/params.yaml belongs to the project around it.
+    """
     checkout = (folder / "Snakefile").is_file() and (folder / "pipeline").is_dir()
     return checkout or ((folder / "params.yaml").is_file() and folder.parent.name != "data")
 
 
 @contextmanager
 def entered() -> Iterator[None]:
-    """Work in the project's folder. A line tells of one that is not around the person's folder."""
+    """Work in the project's folder; print it if it is not around the person's folder."""
     global _typed_in
     here = Path.cwd()
     folder = project_of(here)

@@ -65,12 +65,14 @@ class Config(Section):
     study: Title
     """Name of the study; results are in data/<study>."""
     goal: Literal["report", "base", "front_car", "detectors"]
-    """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the front-car study, `detectors` tests the
-    detectors in `tested` and retrains none."""
+    """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the
+    front-car study, `detectors` tests the detectors in `tested` and retrains none."""
     tested: dict[Name, Plain]
-    """The detectors that goal `detectors` tests, by name and file; the others are compared with the first."""
+    """The detectors that goal `detectors` tests, by name and file; the others are compared with the
+    first."""
     calibrate: bool
-    """Whether goal `detectors` calibrates the detectors' confidences on the validation images of the base set before it tests them."""
+    """Whether goal `detectors` calibrates the detectors' confidences on the validation images of
+    the base set before it tests them."""
     seeds: tuple[Seed, ...] = Field(min_length=1)
     """Seeds of the search campaigns; with the same seed, each scenario still has its own tests."""
     search: tuple[str, ...] = Field(min_length=1)
@@ -80,9 +82,10 @@ class Config(Section):
     strategies: tuple[str, ...] = Field(min_length=1)
     """Test strategies of the search; the first is the baseline of the measures."""
     arms: dict[Name, str] = Field(min_length=1)
-    """The versions that each round retrains, by name, and the source of their added frames: a strategy of the search; `base_set`, which
-    adds none (a control); `new_scenes`, random scenes as in the base set, but new ones; or `balanced_scenes`, new ones in which all people
-    and poses are equally frequent. The verdict compares the arm `adaptive` with every other."""
+    """The versions that each round retrains, by name, and the source of their added frames: a
+    strategy of the search; `base_set`, which adds none (a control); `new_scenes`, random scenes as
+    in the base set, but new ones; or `balanced_scenes`, new ones in which all people and poses are
+    equally frequent. The verdict compares the arm `adaptive` with every other."""
     scenarios: dict[Name, FunctionalScenario]
     """The functional scenarios of both lists, from conf/scenario."""
     samplers: dict[Name, Target]
@@ -110,25 +113,23 @@ class Config(Section):
     front_car: FrontCar
 
     @model_validator(mode="after")
-    def _names_exist(self) -> Config:
+    def _names_fit(self) -> Config:
         for key in ("search", "held_out"):
             for name in getattr(self, key):
-                _known(key, name, self.scenarios)
+                _check_exists(key, name, self.scenarios)
         for name in self.strategies:
-            _known("strategies", name, self.samplers)
+            _check_exists("strategies", name, self.samplers)
         for name in self.campaign.transfer:
-            _known("campaign.transfer", name, self.strategies)
-        _known("comparison.strategy", self.comparison.strategy, self.samplers)
+            _check_exists("campaign.transfer", name, self.strategies)
+        _check_exists("comparison.strategy", self.comparison.strategy, self.samplers)
+        sources = (*self.strategies, BASE_SET, NEW_SCENES, BALANCED_SCENES)
         for arm, source in self.arms.items() if self.goal == "report" else ():
-            if source not in (sources := (*self.strategies, BASE_SET, NEW_SCENES, BALANCED_SCENES)):
-                remedy = f"add it to strategies, set arms.{arm} to another source, or remove the arm with ~arms.{arm}{nearest(source, sources)}"
+            if source not in sources:
                 raise ValueError(
-                    f"arms.{arm}: '{source}' is not in strategies, so it supplies no frames; {remedy}"
+                    f"arms.{arm}: '{source}' is not in strategies, so it supplies no frames; add "
+                    f"it to strategies, set arms.{arm} to another source, or remove the arm with "
+                    f"~arms.{arm}{nearest(source, sources)}"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _names_are_free(self) -> Config:
         if BASE in self.arms:
             raise ValueError(
                 f"arms: '{BASE}' is the version before retraining; choose another name"
@@ -157,33 +158,33 @@ class Config(Section):
                     raise ValueError(f"{key}: expected different entries, got {shown(entry)} twice")
         by_label: dict[str, str] = {}
         for name in (*self.search, *self.held_out):
-            if (other := by_label.setdefault(label := self.scenarios[name].label, name)) != name:
+            label = self.scenarios[name].label
+            if (other := by_label.setdefault(label, name)) != name:
                 raise ValueError(
-                    f"scenarios.{name}.label: {other} has the label {shown(label)}, too; choose another"
+                    f"scenarios.{name}.label: {other} has the label {shown(label)}, too; "
+                    "choose another"
                 )
         return self
 
     @model_validator(mode="after")
-    def _seeds_agree(self) -> Config:
+    def _parts_agree(self) -> Config:
         if self.retraining.searches == "own" and self.retraining.seeds != self.seeds:
             raise ValueError(
-                f"retraining.seeds must be {list(self.seeds)}, the seeds of the search, because retraining.searches is 'own', got "
-                f"{list(self.retraining.seeds)}"
+                f"retraining.seeds must be {list(self.seeds)}, the seeds of the search, "
+                f"because retraining.searches is 'own', got {list(self.retraining.seeds)}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _spaces_agree(self) -> Config:
         for other in self.search[1:] if self.campaign.transfer else ():
             if self.space(other) != self.space(self.search[0]):
                 raise ValueError(
-                    f"campaign.transfer: {other} and {self.search[0]} have different spaces; campaigns that transfer must share one"
+                    f"campaign.transfer: {other} and {self.search[0]} have different spaces; "
+                    "campaigns that transfer must share one"
                 )
         for unseen in self.held_out[1:]:
             first = self.held_out[0]
             if self.space(unseen) != self.space(first):
                 raise ValueError(
-                    f"held_out: {unseen} and {first} have different spaces; scenarios of one comparison must share one"
+                    f"held_out: {unseen} and {first} have different spaces; "
+                    "scenarios of one comparison must share one"
                 )
         return self
 
@@ -194,15 +195,16 @@ class Config(Section):
                 f"held_out must not be searched, but both lists have {', '.join(sorted(both))}"
             )
         for unseen, searched in product(self.held_out, self.search):
-            if self.scenarios[unseen].town.fingerprint == self.scenarios[searched].town.fingerprint:
+            ours, theirs = self.scenarios[unseen], self.scenarios[searched]
+            if ours.town.fingerprint == theirs.town.fingerprint:
                 raise ValueError(
-                    f"held_out: {unseen} has the town of {searched} (style and seed), which is searched, so training would use it"
+                    f"held_out: {unseen} has the town of {searched} (style and seed), "
+                    "which is searched, so training would use it"
                 )
-            if (people := self.scenarios[unseen].people) is not None and people == self.scenarios[
-                searched
-            ].people:
+            if ours.people is not None and ours.people == theirs.people:
                 raise ValueError(
-                    f"held_out: {unseen} has the people of {searched} (people: {people}), which is searched, so training would use them"
+                    f"held_out: {unseen} has the people of {searched} (people: {ours.people}), "
+                    "which is searched, so training would use them"
                 )
         return self
 
@@ -213,13 +215,14 @@ class Config(Section):
                 continue
             if self.aeb.gate == "truth":
                 raise ValueError(
-                    f"aeb.gate: {name} asks the ego not to brake, and with 'truth' it brakes for the true pedestrian alone; set "
-                    "aeb.gate=detections"
+                    f"aeb.gate: {name} asks the ego not to brake, and with 'truth' it brakes for "
+                    "the true pedestrian alone; set aeb.gate=detections"
                 )
             if self.car.vehicle.full_brake_mps2(rain=0) < EMERGENCY_MPS2:
                 raise ValueError(
-                    f"vehicle.dry_friction: {name} asks the ego not to brake, and fails from a demand of {EMERGENCY_MPS2:g} m/s², which "
-                    f"needs a friction of {EMERGENCY_MPS2 / GRAVITY_MPS2:.2f}, got {self.vehicle.dry_friction}"
+                    f"vehicle.dry_friction: {name} asks the ego not to brake, and fails from a "
+                    f"demand of {EMERGENCY_MPS2:g} m/s², which needs a friction of "
+                    f"{EMERGENCY_MPS2 / GRAVITY_MPS2:.2f}, got {self.vehicle.dry_friction}"
                 )
         return self
 
@@ -231,7 +234,8 @@ class Config(Section):
             )
         if self.calibrate and self.goal != "detectors":
             raise ValueError(
-                f"calibrate: only goal 'detectors' calibrates detectors under test, got goal '{self.goal}'"
+                "calibrate: only goal 'detectors' calibrates detectors under test, "
+                f"got goal '{self.goal}'"
             )
         return self
 
@@ -242,11 +246,11 @@ class Config(Section):
         return self.search[: self.search.index(scenario)]
 
     def learns(self, strategy: str) -> bool:
-        """Whether a strategy's tests depend on results: its class says so by `learns`, which is true if it says nothing."""
+        """Whether a strategy's tests depend on results: `learns` of its class, true by default."""
         return bool(getattr(self._class(strategy), "learns", True))
 
     def independent(self, strategy: str) -> bool:
-        """Whether a strategy's tests are independent samples of the space: its class says so by `independent`."""
+        """Whether a strategy's tests are independent samples: `independent` of its class."""
         return bool(getattr(self._class(strategy), "independent", False))
 
     def _class(self, strategy: str) -> Any:
@@ -254,7 +258,10 @@ class Config(Section):
 
     @property
     def audited(self) -> bool:
-        """Whether an audit is executed: the study asks for it, and no strategy of the search has independent tests anyhow."""
+        """Whether an audit is executed.
+
+        The study asks for it, and no strategy of the search has independent tests anyhow.
+        """
         return self.campaign.audit > 0 and not any(map(self.independent, self.strategies))
 
     @property
@@ -271,12 +278,12 @@ class Config(Section):
     def later(self) -> dict[str, str]:
         """The retrained versions that later rounds search, each with the strategy of its arm."""
         sources = self.sources
-        return {
-            str(v): sources[v.arm]
-            for version in self.versions
-            for v in version.tested
-            if v.arm in sources
-        }
+        later = {}
+        for version in self.versions:
+            for tested in version.tested:
+                if tested.arm in sources:
+                    later[str(tested)] = sources[tested.arm]
+        return later
 
     @property
     def searched(self) -> frozenset[tuple[str, str]]:
@@ -293,7 +300,10 @@ class Config(Section):
 
     @property
     def wildcards(self) -> dict[str, list[str]]:
-        """The names that a job may have as its scenario, strategy, version and seed; `base` is a version in every study."""
+        """The names that a job may have as its scenario, strategy, version and seed.
+
+        `base` is a version in every study.
+        """
         versions = dict.fromkeys([BASE, *map(str, self.versions)])
         seeds = dict.fromkeys(map(str, (*self.seeds, *self.retraining.seeds, self.comparison.seed)))
         return {
@@ -308,7 +318,7 @@ class Config(Section):
         return Version(name) if name in self.tested else Version.named(name)
 
     def own_seeds(self, version: Version) -> tuple[int, ...]:
-        """The seeds of the campaigns against a retrained version, which are also those of the campaigns that it learnt from."""
+        """Seeds of the campaigns against a retrained version, and of those that it learnt from."""
         if self.retraining.searches == "all":
             return self.seeds
         return (self.seeds[0] if version.seed is None else version.seed,)
@@ -333,32 +343,35 @@ class Config(Section):
     @property
     def camera(self) -> dict[str, Any]:
         """The settings of the simulator's camera; empty if it has none."""
-        found: dict[str, Any] = self.simulator.get("camera", {})
-        return found
+        settings: dict[str, Any] = self.simulator.get("camera", {})
+        return settings
 
     @property
     def unseen(self) -> dict[str, str]:
-        """The held-out scenarios by the fingerprints of their towns and people, which no version may be trained on."""
-        return {
-            one: name for name in reversed(self.held_out) for _, one in self.scenarios[name].worlds
-        }
+        """The held-out scenarios by the fingerprints of their towns and people.
+
+        No version may be trained on these.
+        """
+        unseen = {}
+        for name in reversed(self.held_out):
+            for _, fingerprint in self.scenarios[name].worlds:
+                unseen[fingerprint] = name
+        return unseen
 
     def space(self, scenario: str) -> Space:
         """The logical scenario space of a scenario."""
         return self.scenarios[scenario].logical_space()
 
 
-def _known(key: str, name: str, known: Iterable[str]) -> None:
-    if name not in known:
-        raise ValueError(f"{key}: there is no '{name}'{nearest(name, known)}")
+def _check_exists(key: str, name: str, names: Iterable[str]) -> None:
+    if name not in names:
+        raise ValueError(f"{key}: there is no '{name}'{nearest(name, names)}")
 
 
 def held_out_worlds(config: Config) -> tuple[str, ...]:
     """The keys that determine which towns and people no version may be trained on."""
-    return (
-        "held_out",
-        *(f"scenarios.{name}.{key}" for name in config.held_out for key in ("town", "people")),
-    )
+    worlds = product(config.held_out, ("town", "people"))
+    return "held_out", *(f"scenarios.{name}.{key}" for name, key in worlds)
 
 
 JUDGED = ("detector", "vehicle", "aeb", "campaign.match_iou", "campaign.failure_threshold_s")

@@ -20,7 +20,7 @@ Title = Annotated[str, AfterValidator(partial(check_name, joints="-"))]
 
 
 def _in_project(path: str) -> str:
-    # A link in the project may lead elsewhere: whoever made it meant it.
+    # A link in the project may lead elsewhere: its author meant it.
     if not path or Path(os.path.relpath(path)).parts[:1] == ("..",):
         raise ValueError(
             f"expected a path inside the project (link outside files into it), got {shown(path)}"
@@ -31,7 +31,7 @@ def _in_project(path: str) -> str:
 def _plain(path: str) -> str:
     if {"{", "}"} & set(path):
         raise ValueError(
-            f"expected a path without braces, which Snakemake takes for wildcards, got {shown(path)}"
+            f"expected a path without braces, which are Snakemake's wildcards, got {shown(path)}"
         )
     return path
 
@@ -49,7 +49,8 @@ class Section(BaseModel):
             """Raise AttributeError: only keys that `declared` left out are missing."""
             if name in type(self).model_fields:
                 raise AttributeError(
-                    f"'{name}' of {type(self).__name__} is read but not declared; add it to the step's sections"
+                    f"'{name}' of {type(self).__name__} is read but not declared; "
+                    "add it to the step's sections"
                 )
             return super().__getattr__(name)
 
@@ -66,19 +67,22 @@ class Campaign(Section):
     match_iou: float = Field(ge=0.1, lt=1)
     """A detection matches the pedestrian if it overlaps the visible box by more than this IoU."""
     transfer: tuple[str, ...]
-    """Strategies that learn from their campaigns on earlier scenarios in `search`; these campaigns run one after another."""
+    """Strategies that learn from their campaigns on earlier scenarios in `search`; these campaigns
+    run one after another."""
     audit: int = Field(ge=0, le=100_000)
-    """Random tests of each scenario in addition to its searches, for an unbiased failure rate, if no strategy of the search is random; 0
-    for none. No search sees or counts them."""
+    """Random tests of each scenario in addition to its searches, for an unbiased failure rate, if
+    no strategy of the search is random; 0 for none. No search sees or counts them."""
     shards: int = Field(ge=1, le=10_000)
-    """Number of cluster jobs that share a campaign; it changes no result. Strategies that learn from results use one job."""
+    """Number of cluster jobs that share a campaign; it changes no result. Strategies that learn
+    from results use one job."""
 
 
 class Limits(Section):
     """Limits of a process that executes tests; a test over a limit is an error, without a KPI."""
 
     test_s: float = Field(gt=0, le=86_400)
-    """Time limit of a test, in seconds: many times the usual, so that a slow machine changes no result."""
+    """Time limit of a test, in seconds: many times the usual, so that a slow machine changes no
+    result."""
     frame_s: float = Field(gt=0, le=86_400)
     """Time limit of the detector for one frame of a test, in seconds."""
     memory_mb: int = Field(ge=100, le=10_000_000)
@@ -93,7 +97,8 @@ class VehicleSection(Section):
     wet_friction: float = Field(gt=0, le=1.5)
     """The same on a fully wet road, from 60 % rain; in between, it falls linearly."""
     build_up_s: float = Field(ge=0, le=2)
-    """Time constant of the lag between demand and deceleration; 90 % is reached after 2.3 time constants."""
+    """Time constant of the lag between demand and deceleration; 90 % is reached after 2.3 time
+    constants."""
     latency_s: float = Field(ge=0, le=2)
     """Time from a frame's exposure to the brake demand that it causes."""
 
@@ -102,13 +107,17 @@ class AebSection(Section):
     """The law of the automatic emergency brake."""
 
     gate: GateKind
-    """`truth` follows the detections that match the true pedestrian, as the thesis does; `detections` follows any in the ego's path."""
+    """`truth` follows the detections that match the true pedestrian, as the thesis does;
+    `detections` follows any in the ego's path."""
     law: LawKind
-    """`confidence` brakes in proportion to the best score, as the thesis does; `threshold` brakes fully."""
+    """`confidence` brakes in proportion to the best score, as the thesis does; `threshold` brakes
+    fully."""
     brakes_from: float | None = Field(ge=0, le=1)
-    """Lowest score that brakes; null means the detector's own threshold; at 0.05, every stored detection brakes."""
+    """Lowest score that brakes; null means the detector's own threshold; at 0.05, every stored
+    detection brakes."""
     votes: int = Field(ge=1, le=20)
-    """The brake acts if the newest frame asks for it, and at least this many of the last `window` frames do."""
+    """The brake acts if the newest frame asks for it, and at least this many of the last `window`
+    frames do."""
     window: int = Field(ge=1, le=20)
     """Number of frames that vote."""
     margin_m: float = Field(ge=0, le=5)
@@ -135,14 +144,17 @@ class HeldOutSequence(Section):
     confidence: Share
     """Confidence level of all intervals and limits."""
     margin: Share
-    """Largest rise of the failure rate above the base's, as a share of tests, that a champion may have in a held-out scenario or a named
-    group, such as children or night. The rise's upper confidence limit must not exceed it."""
+    """Largest rise of the failure rate above the base's, as a share of tests, that a champion may
+    have in a held-out scenario or a named group, such as children or night. The rise's upper
+    confidence limit must not exceed it."""
     second_iou: float | None = Field(ge=0.1, lt=1)
-    """Another IoU at which held-out tests are judged again, to show whether a verdict depends on `campaign.match_iou`; null: none."""
+    """Another IoU at which held-out tests are judged again, to show whether a verdict depends on
+    `campaign.match_iou`; null: none."""
 
 
 class Rarity(Section):
-    """How often a base set shows certain people and poses, relative to others; 1 is equally often."""
+    """How often a base set shows certain people and poses, relative to others; 1 is equally
+    often."""
 
     children: float = Field(gt=0, le=1)
     """Frequency of a child relative to an adult."""
@@ -200,16 +212,18 @@ class Retraining(Section):
     seeds: tuple[Seed, ...] = Field(min_length=1)
     """Seeds of frame selection, order and augmentation; each gives one version of each arm."""
     searches: Literal["all", "own"]
-    """`all`: each version learns from the campaigns of all `seeds` of the study; `own`: only from those of its own seed, so that versions
-    of an arm differ by their search, too."""
+    """`all`: each version learns from the campaigns of all `seeds` of the study; `own`: only from
+    those of its own seed, so that versions of an arm differ by their search, too."""
     rounds: int = Field(ge=1, le=20)
     """Number of rounds; each repeats search, filter and retraining on the newest versions."""
     start: Literal["parent", "scratch"]
-    """`parent` continues from the version before, `scratch` trains a new network as in `training`, on the base set and the added frames."""
+    """`parent` continues from the version before, `scratch` trains a new network as in `training`,
+    on the base set and the added frames."""
     selection: Literal["all", "failures", "regions", "causes", "unsure", "missed"]
-    """Kept frames to add. `all`: from all tests. `failures`: from failures. `regions`: from failures, equally many from each region.
-    `causes`: from all tests, equally many from each cause and from passing tests. `unsure`, `missed`: from all tests, more often where the
-    detector was unsure of the pedestrian or missed it."""
+    """Kept frames to add. `all`: from all tests. `failures`: from failures. `regions`: from
+    failures, equally many from each region. `causes`: from all tests, equally many from each cause
+    and from passing tests. `unsure`, `missed`: from all tests, more often where the detector was
+    unsure of the pedestrian or missed it."""
     batch_size: int = Field(ge=2, le=4096)
     """Images per step."""
     iterations: int = Field(ge=1, le=MOST)
@@ -217,7 +231,8 @@ class Retraining(Section):
     learning_rate: float = Field(gt=0, lt=1)
     """Peak learning rate of the schedule."""
     added_share: Share
-    """Share of a batch that comes from the added frames; the rest, and all of a control's batch, comes from the base set."""
+    """Share of a batch that comes from the added frames; the rest, and all of a control's batch,
+    comes from the base set."""
     added_frames: int = Field(ge=1, le=MOST)
     """Maximum number of added frames per round; never more than the smallest source has."""
     empty_share: Share
@@ -230,8 +245,8 @@ class Filter(Section):
     min_visible_pixels: int = Field(ge=0, le=MOST)
     """A pedestrian with fewer visible pixels is not a fair label."""
     min_detectability: float = Field(ge=0, le=MOST)
-    """Contrast to the surroundings in grey levels times the square root of the visible pixels; below it, a person can hardly see the
-    pedestrian."""
+    """Contrast to the surroundings in grey levels times the square root of the visible pixels;
+    below it, a person can hardly see the pedestrian."""
     overrules: InProject | None
     """CSV of a person's decisions: test_id, step, keep."""
 
@@ -240,15 +255,17 @@ class Regions(Section):
     """Failure regions."""
 
     chance_neighbours: float = Field(gt=0, le=10)
-    """Sets the radius of the density clusters: if failures were spread evenly over the space, each would have this many neighbours
-    within it."""
+    """Sets the radius of the density clusters: if failures were spread evenly over the space, each
+    would have this many neighbours within it."""
     min_failures: int = Field(ge=2, le=MOST)
     """Minimum number of failures within the radius to form a region."""
     confirm: int = Field(ge=0, le=1000)
-    """Number of fresh random tests inside each rule, and as many just outside, to confirm it; 0 for none. They count in no campaign."""
+    """Number of fresh random tests inside each rule, and as many just outside, to confirm it; 0 for
+    none. They count in no campaign."""
     explain: int = Field(ge=0, le=1000)
-    """Maximum number of a region's failures to execute again with each single change, such as no rain or another person, to see
-    which change repairs them; 0 for none. They count in no campaign."""
+    """Maximum number of a region's failures to execute again with each single change, such as no
+    rain or another person, to see which change repairs them; 0 for none. They count in no
+    campaign."""
 
 
 class Report(Section):

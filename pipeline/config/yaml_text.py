@@ -1,4 +1,4 @@
-"""Reads YAML strictly: UTF-8, each key once, nothing repeated by aliases, which can expand without end."""
+"""Reads YAML strictly: UTF-8, each key once, no aliases, which can expand without end."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
             if key.value in seen:
                 raise _wrong(f"the key {shown(key.value)} appears twice", key)
             seen.add(key.value)
-        made: dict[Hashable, Any] = super().construct_mapping(node, deep)
-        return made
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping
 
 
 class _AsWritten(_Loader):
@@ -45,9 +45,16 @@ class _AsWritten(_Loader):
 
 
 def read_yaml(path: Path, *, as_written: bool = False) -> Any:
-    """The plain data of a file; InputError that names the file and the line. FileNotFoundError if there is none.
+    """The plain data of a file.
 
-    as_written: whether `no`, `1.10`, `010` and `12:30` stay the texts that are written; only None is no text then.
+    Args:
+        path: of the file.
+        as_written: whether `no`, `1.10`, `010` and `12:30` stay the texts that are written; only
+            None is no text then.
+
+    Raises:
+        FileNotFoundError: no such file.
+        InputError: no valid YAML; the message names the file and the line.
     """
     try:
         return yaml.load(path.read_text(encoding="utf-8"), _AsWritten if as_written else _Loader)
@@ -55,19 +62,17 @@ def read_yaml(path: Path, *, as_written: bool = False) -> Any:
         raise
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path}: expected UTF-8 text, got the byte 0x{error.object[error.start]:02x} at {error.start}"
+            f"{path}: expected UTF-8 text, "
+            f"got the byte 0x{error.object[error.start]:02x} at {error.start}"
         ) from error
     except OSError as error:
         raise InputError(f"{path}: expected a readable file, got {error.strerror}") from error
     except yaml.YAMLError as error:
-        mark, problem = (
-            getattr(error, "problem_mark", None),
-            getattr(error, "problem", None) or str(error).splitlines()[0],
-        )
-        raise InputError(
-            f"{path}{f', line {mark.line + 1}' if mark else ''}: not valid YAML ({problem})"
-        ) from error
+        mark = getattr(error, "problem_mark", None)
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        line = f", line {mark.line + 1}" if mark else ""
+        raise InputError(f"{path}{line}: not valid YAML ({problem})") from error
     except RecursionError as error:
         raise InputError(f"{path}: nested too deeply") from error
-    except ValueError as error:  # A number or a date that Python refuses.
+    except ValueError as error:  # A number or a date that Python rejects.
         raise InputError(f"{path}: not valid YAML ({error})") from error

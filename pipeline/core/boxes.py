@@ -10,9 +10,17 @@ Box = tuple[float, float, float, float]
 
 
 def iou(a: ArrayLike, b: ArrayLike) -> Floats:
-    """Intersection over union of every box of `a` (n, 4) with every box of `b` (m, 4), as (n, m) in [0, 1].
+    """Intersection over union of every box of `a` with every box of `b`.
 
-    Boxes without an area overlap nothing.
+    Args:
+        a: (n, 4) boxes.
+        b: (m, 4) boxes.
+
+    Returns:
+        (n, m) in [0, 1]; boxes without an area overlap nothing.
+
+    >>> iou([[0, 0, 2, 2]], [[1, 0, 3, 2], [0, 0, 2, 2]]).round(3).tolist()
+    [[0.333, 1.0]]
     """
     first, second = _boxes("a", a), _boxes("b", b)
     left_top = np.maximum(first[:, None, :2], second[None, :, :2])
@@ -31,10 +39,21 @@ def area(boxes: ArrayLike) -> Floats:
 
 
 def nms(boxes: ArrayLike, scores: ArrayLike, iou_threshold: float) -> NDArray[np.int64]:
-    """Indices of the boxes that survive non-maximum suppression, best score first.
+    """Non-maximum suppression: drops a box that overlaps a better one too much.
 
-    boxes: (n, 4). scores: (n,). A box is removed if its IoU with a better surviving box exceeds `iou_threshold`, in [0, 1]. Of equal scores
-    the first wins.
+    Args:
+        boxes: (n, 4).
+        scores: (n,); of equal scores the first wins.
+        iou_threshold: a box is dropped if its IoU with a better kept box exceeds it, in [0, 1].
+
+    Returns:
+        Indices of the kept boxes, best score first.
+
+    Raises:
+        ValueError: wrong shapes.
+
+    >>> nms([[0, 0, 2, 2], [0, 0, 2, 3], [5, 5, 6, 6]], [0.5, 0.9, 0.7], 0.5).tolist()
+    [1, 2]
     """
     checked, weights = _boxes("boxes", boxes), np.asarray(scores, dtype=float)
     if weights.shape != (len(checked),):

@@ -21,9 +21,9 @@ class Column:
     @property
     def nothing(self) -> Any:
         """The column's value for nothing to report: NaN, 0, false, the first allowed text."""
-        return (
-            float("nan") if self.kind is float else self.allowed[0] if self.allowed else self.kind()
-        )
+        if self.kind is float:
+            return float("nan")
+        return self.allowed[0] if self.allowed else self.kind()
 
 
 def column(meaning: str, unit: str = "", **settings: Any) -> Any:
@@ -34,10 +34,11 @@ def column(meaning: str, unit: str = "", **settings: Any) -> Any:
 def columns(row: type) -> tuple[Column, ...]:
     """The columns of a dataclass whose fields are all declared by `column`, in their order."""
     hints = get_type_hints(row)
-    return tuple(Column(f.name, *_typed(hints[f.name], **f.metadata)) for f in fields(row))
-
-
-def _typed(hint: Any, meaning: str, unit: str) -> tuple[Kind, str, str, tuple[str, ...]]:
-    if get_origin(hint) is Literal:
-        return str, meaning, unit, get_args(hint)
-    return hint, meaning, unit, ()
+    result = []
+    for each in fields(row):
+        hint, meaning, unit = hints[each.name], each.metadata["meaning"], each.metadata["unit"]
+        if get_origin(hint) is Literal:
+            result.append(Column(each.name, str, meaning, unit, get_args(hint)))
+        else:
+            result.append(Column(each.name, hint, meaning, unit))
+    return tuple(result)

@@ -1,4 +1,7 @@
-"""Comparisons of a variable with a number or with another variable, decided by categories and not by single values."""
+"""Comparisons of a variable with a number or with another variable.
+
+Categories decide them, not single values.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from itertools import pairwise, product
-from math import prod
 
 from pipeline.core.expressions import MOST_ROWS, OneOf
 from pipeline.core.variable import Variable, number_text
@@ -29,7 +31,7 @@ SIBLING = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
 
 @dataclass(frozen=True)
 class Span:
-    """The numbers from `low` to `high`; `high` itself only if `closed`. A single number is closed."""
+    """The numbers from `low` to `high`; `high` itself only if `closed`, as for a single number."""
 
     low: Decimal
     high: Decimal
@@ -40,7 +42,7 @@ class Span:
 
 
 Spans = tuple[Span, ...]
-"""The numbers of one category: one span, or two for the part of a cyclic variable that contains its ends."""
+"""The numbers of a category: a span, or two for the part with the ends of a cyclic variable."""
 
 
 def number(text: str) -> Decimal | None:
@@ -58,59 +60,63 @@ def compare_with_number(
 ) -> OneOf:
     """The categories of a variable in which every value compares to the constant.
 
-    Raises ValueError if the values are no numbers, and if a category has both values that do and values that do not.
+    Raises:
+        ValueError: the values are no numbers, or some values of a category compare so and others
+            do not.
     """
-    variable, spans = variables[index], (Span(constant, constant),)
-    results = [_decided(own, spans, sign) for own in _numbers(variable)]
+    variable, constant_span = variables[index], (Span(constant, constant),)
+    results = [_decided(spans, constant_span, sign) for spans in _numbers(variable)]
     if None in results:
         raise ValueError(_undecided(variable, sign, constant, variable.labels[results.index(None)]))
-    return OneOf(
-        (index,), frozenset((category,) for category, holds in enumerate(results) if holds)
-    )
+    rows = ((category,) for category, holds in enumerate(results) if holds)
+    return OneOf((index,), frozenset(rows))
 
 
 def compare_variables(variables: Sequence[Variable], first: int, sign: str, second: int) -> OneOf:
     """The pairs of categories of two variables in which every pair of values compares so.
 
-    Variables compare as numbers if both are numeric; else = and != compare the names of their categories.
+    Variables compare as numbers if both are numeric; else = and != compare the names of their
+    categories.
 
-    Raises ValueError for variables that cannot be compared, pairs of categories that do not decide it, and too many pairs.
+    Raises:
+        ValueError: the variables cannot be compared, a pair of categories does not decide it, or
+            there are too many pairs.
     """
-    one, two = variables[first], variables[second]
-    what = f"{one.name} {sign} {two.name}"
+    left, right = variables[first], variables[second]
+    text = f"{left.name} {sign} {right.name}"
     if first == second:
-        raise ValueError(f"{what} compares a variable with itself")
-    if (count := prod((one.size, two.size))) > MOST_ROWS:
-        raise ValueError(f"{what} compares {count:,} pairs of categories, more than {MOST_ROWS:,}")
-    if sign in ("=", "!=") and not (is_numeric(one) and is_numeric(two)):
-        return OneOf((first, second), _named_alike(one, sign, two))
-    pairs = product(enumerate(_numbers(one)), enumerate(_numbers(two)))
-    results = {(a, b): _decided(own, other, sign) for (a, own), (b, other) in pairs}
-    for (a, b), holds in results.items():
+        raise ValueError(f"{text} compares a variable with itself")
+    if (count := left.size * right.size) > MOST_ROWS:
+        raise ValueError(f"{text} compares {count:,} pairs of categories, more than {MOST_ROWS:,}")
+    pairs = product(range(left.size), range(right.size))
+    if sign in ("=", "!=") and not (is_numeric(left) and is_numeric(right)):
+        if set(left.labels).isdisjoint(right.labels):
+            raise ValueError(f"{text} compares variables that have no category in common")
+        equal = sign == "="
+        rows = [(a, b) for a, b in pairs if (left.labels[a] == right.labels[b]) == equal]
+        return OneOf((first, second), frozenset(rows))
+    left_spans, right_spans = _numbers(left), _numbers(right)
+    rows = []
+    for a, b in pairs:
+        holds = _decided(left_spans[a], right_spans[b], sign)
         if holds is None:
             raise ValueError(
-                f"{what} holds for some values of the categories {one.labels[a]} and {two.labels[b]}, and not for others; "
-                "name the categories, or choose cuts at which they do not overlap"
+                f"{text} holds for some values of the categories {left.labels[a]} and "
+                f"{right.labels[b]}, and not for others; name the categories, or choose cuts at "
+                "which they do not overlap"
             )
-    return OneOf((first, second), frozenset(pair for pair, holds in results.items() if holds))
-
-
-def _named_alike(one: Variable, sign: str, two: Variable) -> frozenset[tuple[int, ...]]:
-    common = set(one.labels) & set(two.labels)
-    if not common:
-        raise ValueError(
-            f"{one.name} {sign} {two.name} compares variables that have no category in common"
-        )
-    pairs = product(enumerate(one.labels), enumerate(two.labels))
-    return frozenset((a, b) for (a, own), (b, other) in pairs if (own == other) == (sign == "="))
+        if holds:
+            rows.append((a, b))
+    return OneOf((first, second), frozenset(rows))
 
 
 def _numbers(variable: Variable) -> tuple[Spans, ...]:
-    """The numbers of each category. A category of a step stands for its multiple, to which its values are nearest."""
-    if variable.kind == "categorical" and not is_numeric(variable):
+    """The numbers of each category; a category of a step stands for its grid value alone."""
+    if not is_numeric(variable):
         other = next(value for value in variable.values if not NUMBER.fullmatch(value))
         raise ValueError(
-            f"only numbers compare by <, <=, > and >=, and a category of {variable.name} is {other!r}; use = or in {{…}}"
+            f"only numbers compare by <, <=, > and >=, and a category of {variable.name} is "
+            f"{other!r}; use = or in {{…}}"
         )
     if variable.cuts is None:
         return tuple((Span(exact, exact),) for exact in map(Decimal, variable.labels))
@@ -123,31 +129,30 @@ def _numbers(variable: Variable) -> tuple[Spans, ...]:
 
 def _decided(first: Spans, second: Spans, sign: str) -> bool | None:
     """Whether every two of the numbers compare so; None if some do and some do not."""
-    found = {SIGNS[sign](order, 0) for a, b in product(first, second) for order in _orders(a, b)}
-    return found.pop() if len(found) == 1 else None
-
-
-def _orders(first: Span, second: Span) -> set[int]:
-    """How numbers of two spans can compare: -1 the first is smaller, 0 they are equal, 1 it is larger."""
-    start = max(first.low, second.low)
-    possible = {
-        -1: first.low < second.high,
-        0: first.has(start) and second.has(start),
-        1: second.low < first.high,
-    }
-    return {order for order, may_be in possible.items() if may_be}
+    results = set()
+    for a, b in product(first, second):
+        start = max(a.low, b.low)
+        if a.low < b.high:
+            results.add(SIGNS[sign](-1, 0))
+        if a.has(start) and b.has(start):
+            results.add(SIGNS[sign](0, 0))
+        if b.low < a.high:
+            results.add(SIGNS[sign](1, 0))
+    return results.pop() if len(results) == 1 else None
 
 
 def _undecided(variable: Variable, sign: str, constant: Decimal, label: str) -> str:
-    what = f"{variable.name} {sign} {constant} holds for some values of the category {label}, and not for others"
-    spans = (Span(constant, constant),)
-    if sign in SIBLING and all(
-        _decided(own, spans, SIBLING[sign]) is not None for own in _numbers(variable)
-    ):
-        return f"{what}; write {SIBLING[sign]} {constant}, or choose other cuts"
-    ends = ", ".join(map(number_text, variable.cuts or ()))
-    return (
-        f"{what}; compare with a cut ({ends}), or name the category"
-        if ends
-        else f"{what}, and it has no cuts"
+    """The message for a category that does not decide a comparison."""
+    problem = (
+        f"{variable.name} {sign} {constant} holds for some values of the category {label}, "
+        "and not for others"
     )
+    constant_span, sibling = (Span(constant, constant),), SIBLING.get(sign)
+    if sibling is not None:
+        results = [_decided(spans, constant_span, sibling) for spans in _numbers(variable)]
+        if None not in results:
+            return f"{problem}; write {sibling} {constant}, or choose other cuts"
+    if not variable.cuts:
+        return f"{problem}, and it has no cuts"
+    cuts = ", ".join(map(number_text, variable.cuts))
+    return f"{problem}; compare with a cut ({cuts}), or name the category"

@@ -22,40 +22,44 @@ class NarrowError(ValueError):
 
 
 def draw_inside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
-    """(count, d) feasible points inside a rule, independent and uniform; NarrowError if it admits hardly any."""
-    return _drawn(
-        space, [(condition, condition.admits) for condition in rule.conditions], count, rng
-    )
+    """Independent, uniform feasible points inside a rule, (count, d).
+
+    Raises:
+        NarrowError: the rule admits hardly any feasible point.
+    """
+    filters = [(condition, condition.admits) for condition in rule.conditions]
+    return _drawn(space, filters, count, rng)
 
 
 def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
-    """(count, d) feasible points just outside a rule: each breaks one condition and keeps the others.
+    """Feasible points just outside a rule, (count, d): each breaks one condition alone.
 
-    The condition is drawn with equal chances. A number lies beyond its bound by at most `MARGIN` of the range, and an integer by at most 1
-    where that is more; of a category, any other value may stand. Empty, (0, d), if no condition can be broken alone.
+    The condition is drawn with equal chances. A number lies beyond its bound by at most `MARGIN` of
+    the range, or 1 for an integer if that is more; a category may have any other value.
+
+    Returns:
+        (count, d) points; (0, d) if no condition can be broken alone.
     """
     nearby = []
     for broken in rule.conditions:
-        kept = [
-            (condition, condition.admits)
-            for condition in rule.conditions
-            if condition is not broken
-        ]
+        filters: list[tuple[Condition, Filter]] = [(broken, _just_outside(broken, space))]
+        for condition in rule.conditions:
+            if condition is not broken:
+                filters.append((condition, condition.admits))
         try:
-            nearby.append(
-                _drawn(space, [(broken, _beyond(broken, broken.subject(space))), *kept], count, rng)
-            )
+            nearby.append(_drawn(space, filters, count, rng))
         except NarrowError:  # Such as an adult who is a child.
             continue
     if not nearby:
         return np.zeros((0, len(space)))
-    return np.array(
-        [nearby[which][row] for row, which in enumerate(rng.integers(len(nearby), size=count))]
-    )
+    chosen = rng.integers(len(nearby), size=count)
+    return np.array([nearby[which][row] for row, which in enumerate(chosen)])
 
 
-def _beyond(condition: Condition, variable: Variable) -> Filter:
-    def just_outside(column: Floats) -> Bools:
+def _just_outside(condition: Condition, space: Space) -> Filter:
+    variable = condition.subject(space)
+
+    def is_just_outside(column: Floats) -> Bools:
         outside = ~condition.admits(column)
         if condition.values:
             return outside
@@ -66,35 +70,38 @@ def _beyond(condition: Condition, variable: Variable) -> Filter:
         reach = max(MARGIN * period, 1.0 if variable.kind == "integer" else 0.0)
         return np.asarray(outside & (np.minimum(*gaps) <= reach))
 
-    return just_outside
+    return is_just_outside
 
 
 def _drawn(
-    space: Space, wanted: Sequence[tuple[Condition, Filter]], count: int, rng: np.random.Generator
+    space: Space, filters: Sequence[tuple[Condition, Filter]], count: int, rng: np.random.Generator
 ) -> Floats:
-    """Points by rejection: first of each variable's values, then of points. wanted: conditions, each with the values of its column."""
-    alone = {
-        j: [holds for condition, holds in wanted if condition.variable == j and not condition.sign]
-        for j in range(len(space))
-    }
+    """Points by rejection: first of each variable's values, then of points.
+
+    filters: conditions, each with the wanted values of its column.
+    """
+    of_variable: list[list[Filter]] = [[] for _ in space.variables]
+    for condition, holds in filters:
+        if not condition.sign:
+            of_variable[condition.variable].append(holds)
     points = np.zeros((0, len(space)))
     for _ in range(MAX_DRAWS):
         if len(points) >= count:
             return points[:count]
-        drawn = np.column_stack(
-            [_values(v, alone[j], max(CHUNK, count), rng) for j, v in enumerate(space.variables)]
-        )
-        kept = (
-            space.constraints.holds(space.categorise(drawn))
-            if space.clauses
-            else np.ones(len(drawn), bool)
-        )
-        for condition, holds in wanted:
+        columns = []
+        for variable, variable_filters in zip(space.variables, of_variable, strict=True):
+            columns.append(_values(variable, variable_filters, max(CHUNK, count), rng))
+        drawn = np.column_stack(columns)
+        kept = np.ones(len(drawn), bool)
+        if space.clauses:
+            kept = space.constraints.holds(space.categorise(drawn))
+        for condition, holds in filters:
             if condition.sign:
                 kept &= holds(condition.column(drawn))
         points = np.concatenate([points, drawn[kept]])
     raise NarrowError(
-        f"no {count} feasible points in {MAX_DRAWS} draws: the constraints exclude almost all that the rule admits"
+        f"no {count} feasible points in {MAX_DRAWS} draws: "
+        "the constraints exclude almost all that the rule admits"
     )
 
 
@@ -104,8 +111,8 @@ def _values(
     values = np.zeros(0)
     for _ in range(MAX_DRAWS):
         drawn = variable.scale(rng.random(max(CHUNK, count)))
-        for wanted in filters:
-            drawn = drawn[wanted(drawn)]
+        for holds in filters:
+            drawn = drawn[holds(drawn)]
         values = np.concatenate([values, drawn])
         if len(values) >= count:
             return values[:count]
@@ -113,8 +120,15 @@ def _values(
 
 
 def more_inside(inside: Counted, outside: Counted) -> float:
-    """Fisher's exact test, one-sided: the chance of at least so many failures inside if the failure rates inside and outside were equal.
-    In [0, 1]; 1 if one side has no tests."""
+    """One-sided p-value of Fisher's exact test: more failures inside a rule than outside.
+
+    Returns:
+        Chance of at least so many failures inside if both failure rates were equal, in [0, 1]; 1
+        if one side has no tests.
+
+    >>> round(more_inside(Counted(tests=10, failures=8), Counted(tests=10, failures=1)), 4)
+    0.0027
+    """
     if not inside.tests or not outside.tests:
         return 1.0
     from scipy.stats import hypergeom
@@ -124,8 +138,12 @@ def more_inside(inside: Counted, outside: Counted) -> float:
 
 
 def confirmed(counts: Sequence[tuple[Counted, Counted]], alpha: float) -> list[bool]:
-    """Whether each of several rules is confirmed: more failures inside it than just outside, at a chance of at most alpha that any rule
-    without meaning is. counts: inside and outside of each rule. Holm 1979."""
+    """Whether each of several rules is confirmed: more failures inside it than just outside.
+
+    Args:
+        counts: outcomes inside and outside of each rule.
+        alpha: largest chance that any rule without meaning is confirmed (Holm 1979).
+    """
     chances = [more_inside(inside, outside) for inside, outside in counts]
     result, order = [False] * len(chances), np.argsort(chances, kind="stable")
     for rank, index in enumerate(order):

@@ -1,4 +1,4 @@
-"""Constraints as people say them, such as `if fog >= 50 then lights in {on, low}`, read by recursive descent."""
+"""Constraints as people write them, such as `if fog >= 50 then lights in {on, low}`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from pipeline.core.comparisons import SIGNS, compare_variables, compare_with_number, number
-from pipeline.core.constraints import Clause, no_category, no_variable
+from pipeline.core.constraints import Clause, not_among
 from pipeline.core.expressions import Every, Expression, Not, OneOf, Some, clauses_of
 from pipeline.core.variable import Variable
 from pipeline.errors import shown
 
 TOKEN = re.compile(
-    r"""(?P<quoted>'(?:[^']|'')*'|"(?:[^"]|"")*")|(?P<sign>=>|<=|>=|!=|[=<>(){},])|(?P<word>[^\s'"=<>!(){},]+)""",
+    r"""(?P<quoted>'(?:[^']|'')*'|"(?:[^"]|"")*")
+    |(?P<sign>=>|<=|>=|!=|[=<>(){},])
+    |(?P<word>[^\s'"=<>!(){},]+)""",
+    re.VERBOSE,
 )
 KEYWORDS = frozenset(("if", "then", "else", "and", "or", "not", "in"))
 DEEPEST = 50
@@ -22,7 +25,11 @@ DEEPEST = 50
 
 @dataclass(frozen=True)
 class _Token:
-    """kind: quoted, sign, word, keyword or end. text: without quotes; a keyword in small letters. place: from 0."""
+    """A word, sign or quoted name of a text.
+
+    kind: quoted, sign, word, keyword or end. text: without quotes; a keyword in small letters.
+    place: of its first character, from 0.
+    """
 
     kind: str
     text: str
@@ -34,25 +41,34 @@ class _Token:
 
 
 class _WrongError(ValueError):
-    """What is wrong, and where."""
-
-    def __init__(self, place: int, problem: str) -> None:
-        super().__init__(problem)
-        self.place = place
+    """A mistake in a text: its place and the problem."""
 
 
 def read_constraint(text: str, variables: Sequence[Variable]) -> tuple[Clause, ...]:
-    """Clauses over the indices of variables and categories that hold together exactly where the text holds.
+    """The clauses that hold together exactly where a constraint holds.
 
-    A text that always holds has none. Raises ValueError with the text, the place and what was expected there: for a wrong grammar, an
-    unknown name, a comparison that the categories do not decide, too many clauses, and a text that never holds.
+    Args:
+        text: of the constraint.
+        variables: of the space.
+
+    Returns:
+        Clauses over the indices of variables and categories; none if the text always holds.
+
+    Raises:
+        ValueError: wrong grammar, an unknown name, a comparison that the categories do not decide,
+            too many clauses, or a text that never holds. The message names the place and what was
+            expected there.
+
+    >>> lamp = Variable("lamp", "categorical", values=("on", "off"))
+    >>> fog = Variable("fog", "continuous", "%", 0, 100, cuts=(50,))
+    >>> read_constraint("if fog >= 50 then lamp = on", (lamp, fog))[0][0]
+    Literal(variable=0, category=1, equal=False)
     """
     try:
         expression = _Parser(text, variables).whole()
     except _WrongError as error:
-        raise ValueError(
-            f"constraint {shown(text)}, character {error.place + 1}: {error}"
-        ) from error
+        place, problem = error.args
+        raise ValueError(f"constraint {shown(text)}, character {place + 1}: {problem}") from error
     try:
         return clauses_of(expression, [variable.size for variable in variables])
     except ValueError as error:
@@ -62,30 +78,31 @@ def read_constraint(text: str, variables: Sequence[Variable]) -> tuple[Clause, .
 def _tokens(text: str) -> list[_Token]:
     tokens, place = [], 0
     while place < len(text):
-        if text[place].isspace():
+        sign = text[place]
+        if sign.isspace():
             place += 1
             continue
         if (match := TOKEN.match(text, place)) is None:
-            quote = text[place] in "'\""
-            raise _WrongError(
-                place,
-                "this quote does not end"
-                if quote
-                else f"expected a name, a number or a sign, got {text[place]!r}",
-            )
-        kind, found = str(match.lastgroup), match[0]
+            if sign in "'\"":
+                raise _WrongError(place, "this quote does not end")
+            raise _WrongError(place, f"expected a name, a number or a sign, got {sign!r}")
+        kind, token = str(match.lastgroup), match[0]
         if kind == "quoted":
-            found = found[1:-1].replace(found[0] * 2, found[0])
-        elif kind == "word" and found.lower() in KEYWORDS:
-            kind, found = "keyword", found.lower()
-        tokens.append(_Token(kind, found, place))
+            token = token[1:-1].replace(sign * 2, sign)
+        elif kind == "word" and token.lower() in KEYWORDS:
+            kind, token = "keyword", token.lower()
+        tokens.append(_Token(kind, token, place))
         place = match.end()
     return [*tokens, _Token("end", "", len(text))]
 
 
 class _Parser:
-    """expression: if expression then expression [else expression] | some [=> expression]; some: every {or every};
-    every: part {and part}; part: {not} ( expression ) | {not} comparison."""
+    """Reads a constraint by recursive descent.
+
+    expression: if expression then expression [else expression] | some [=> expression];
+    some: every {or every}; every: part {and part};
+    part: {not} ( expression ) | {not} comparison.
+    """
 
     def __init__(self, text: str, variables: Sequence[Variable]) -> None:
         self._tokens, self._variables, self._depth = iter(_tokens(text)), variables, 0
@@ -93,32 +110,28 @@ class _Parser:
         self._next = next(self._tokens)
 
     def whole(self) -> Expression:
-        found = self._expression()
+        expression = self._expression()
         if self._next.kind != "end":
             raise self._expected("and, or, => or the end")
-        return found
+        return expression
 
     def _expression(self) -> Expression:
         self._depth += 1
         if self._depth > DEEPEST:
             raise _WrongError(self._next.place, f"nested deeper than {DEEPEST} levels")
-        found = self._condition() if self._takes("keyword", "if") else self._implication()
+        expression: Expression
+        if self._takes("keyword", "if"):
+            condition = self._expression()
+            self._take("keyword", "then", "and, or, => or then")
+            expression = Some((Not(condition), self._expression()))
+            if self._takes("keyword", "else"):
+                expression = Every((expression, Some((condition, self._expression()))))
+        else:
+            expression = self._several("or", Some, lambda: self._several("and", Every, self._part))
+            if self._takes("sign", "=>"):
+                expression = Some((Not(expression), self._expression()))
         self._depth -= 1
-        return found
-
-    def _condition(self) -> Expression:
-        condition = self._expression()
-        self._take("keyword", "then", "and, or, => or then")
-        found: Expression = Some((Not(condition), self._expression()))
-        return (
-            Every((found, Some((condition, self._expression()))))
-            if self._takes("keyword", "else")
-            else found
-        )
-
-    def _implication(self) -> Expression:
-        first = self._several("or", Some, lambda: self._several("and", Every, self._part))
-        return Some((Not(first), self._expression())) if self._takes("sign", "=>") else first
+        return expression
 
     def _several(
         self, word: str, join: type[Some] | type[Every], part: Callable[[], Expression]
@@ -133,16 +146,16 @@ class _Parser:
         while self._takes("keyword", "not"):
             positive = not positive
         if self._takes("sign", "("):
-            found = self._expression()
+            expression = self._expression()
             self._take("sign", ")", "and, or, => or ')'")
         else:
-            found = self._comparison()
-        return found if positive else Not(found)
+            expression = self._comparison()
+        return expression if positive else Not(expression)
 
     def _comparison(self) -> Expression:
         name = self._name("a variable, not or '('")
         if name.text not in self._index:
-            raise _WrongError(name.place, no_variable(list(self._index), name.text))
+            raise _WrongError(name.place, not_among("variable", list(self._index), name.text))
         variable, token = self._index[name.text], self._next
         if self._takes("keyword", "not"):
             self._take("keyword", "in", "in")
@@ -158,37 +171,42 @@ class _Parser:
         except ValueError as error:
             raise _WrongError(operand.place, str(error)) from error
 
-    def _compared(self, variable: int, sign: str, operand: str) -> Expression:
-        own, other, constant = self._variables[variable], self._index.get(operand), number(operand)
-        of_category = sign in ("=", "!=") and operand in own.labels
+    def _compared(self, index: int, sign: str, operand: str) -> Expression:
+        variable, other, constant = (
+            self._variables[index],
+            self._index.get(operand),
+            number(operand),
+        )
+        of_category = sign in ("=", "!=") and operand in variable.labels
         if other is not None and (of_category or constant is not None):
-            kind = f"a category of {own.name}" if of_category else "a number"
+            kind = f"a category of {variable.name}" if of_category else "a number"
             raise ValueError(
-                f"{operand!r} is {kind} and a variable; for the category write in {{…}}, for the variable begin with it"
+                f"{operand!r} is {kind} and a variable; "
+                "for the category write in {…}, for the variable begin with it"
             )
         if other is not None:
-            return compare_variables(self._variables, variable, sign, other)
+            return compare_variables(self._variables, index, sign, other)
         if of_category:
-            same = OneOf((variable,), frozenset(((own.labels.index(operand),),)))
+            same = OneOf((index,), frozenset({(variable.labels.index(operand),)}))
             return same if sign == "=" else Not(same)
         if sign in ("=", "!="):
-            raise ValueError(no_category(own.labels, operand))
+            raise ValueError(not_among("category", variable.labels, operand))
         if constant is None:
             raise ValueError(f"expected a number or a variable after {sign}, got {operand!r}")
-        return compare_with_number(self._variables, variable, sign, constant)
+        return compare_with_number(self._variables, index, sign, constant)
 
     def _listed(self, variable: int) -> OneOf:
         """`{a, b}`: one of these categories."""
         self._take("sign", "{", "'{'")
-        found, labels = set(), self._variables[variable].labels
+        rows, labels = set(), self._variables[variable].labels
         while True:
             name = self._name("a category")
             if name.text not in labels:
-                raise _WrongError(name.place, no_category(labels, name.text))
-            found.add((labels.index(name.text),))
+                raise _WrongError(name.place, not_among("category", labels, name.text))
+            rows.add((labels.index(name.text),))
             if not self._takes("sign", ","):
                 self._take("sign", "}", "',' or '}'")
-                return OneOf((variable,), frozenset(found))
+                return OneOf((variable,), frozenset(rows))
 
     def _name(self, expected: str) -> _Token:
         if self._next.kind not in ("word", "quoted"):

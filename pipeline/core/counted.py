@@ -12,7 +12,14 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Counted:
-    """Independent tests. failures: among `tests` without an error. errors: tests that ended in an error, in neither number."""
+    """Counts of independent tests.
+
+    tests: those without an error. failures: of `tests`. errors: tests that ended in an error, in
+    neither number.
+
+    >>> Counted.of(np.array([True, False, True]), error=np.array([False, False, True]))
+    Counted(tests=2, failures=1, errors=1)
+    """
 
     tests: int
     failures: int
@@ -21,17 +28,18 @@ class Counted:
     def __post_init__(self) -> None:
         if not 0 <= self.failures <= self.tests or self.errors < 0:
             raise ValueError(
-                f"failures must be in [0, {self.tests}] and errors not negative, got {self.failures} and {self.errors}"
+                f"failures must be in [0, {self.tests}] and errors not negative, "
+                f"got {self.failures} and {self.errors}"
             )
 
     @staticmethod
     def of(failed: Bools, error: Bools | None = None) -> Counted:
         """Count (n,) outcomes; `failed` does not matter where `error` holds."""
-        broken = np.zeros(len(failed), bool) if error is None else error
-        return Counted(int((~broken).sum()), int((failed & ~broken).sum()), int(broken.sum()))
+        errors = np.zeros(len(failed), bool) if error is None else error
+        return Counted(int((~errors).sum()), int((failed & ~errors).sum()), int(errors.sum()))
 
     def interval(self, confidence: float) -> tuple[float, float]:
-        """The exact interval of the failure rate, (0, 1) without tests. Source: Clopper & Pearson 1934."""
+        """Exact interval of the failure rate, (0, 1) without tests (Clopper & Pearson 1934)."""
         from scipy.stats import beta
 
         tail, passed = (1 - confidence) / 2, self.tests - self.failures

@@ -1,4 +1,7 @@
-"""Density clusters of failures over the variables and the attributes of their values: similar people count as close."""
+"""Density clusters of failures over the variables and the attributes of their values.
+
+Attributes make similar people count as close.
+"""
 
 from __future__ import annotations
 
@@ -17,32 +20,39 @@ PROBES = 1200
 def described_distance(space: Space, a: Floats, b: Floats) -> Floats:
     """Distance of every point of `a` (n, d) to every point of `b` (m, d), as (n, m) in [0, 1].
 
-    The mixed distance, but two values of a categorical variable with attributes differ by the mean over its attributes of their difference,
-    divided by the largest one, instead of by 0 or 1.
+    The mixed distance, except for categorical variables with attributes: two values differ by the
+    mean over the attributes of their difference, divided by the largest one, instead of 0 or 1.
     """
     total = mixed_distance(space, a, b)
     for j, variable in enumerate(space.variables):
-        if variable.attributes:
-            first, second = a[:, j].astype(np.int64), b[:, j].astype(np.int64)
-            total += (
-                _unlike(variable.attributes)[first[:, None], second] - (first[:, None] != second)
-            ) / len(space)
+        if not variable.attributes:
+            continue
+        numbers = np.array([numbers for _, numbers in variable.attributes])
+        spans = np.maximum(np.ptp(numbers, axis=1), 1e-12)
+        differences = np.abs(numbers[:, :, None] - numbers[:, None, :]) / spans[:, None, None]
+        first, second = a[:, j].astype(np.int64), b[:, j].astype(np.int64)
+        unlike = differences.mean(axis=0)[first[:, None], second]
+        total += (unlike - (first[:, None] != second)) / len(space)
     return total
 
 
-def _unlike(attributes: tuple[tuple[str, tuple[float, ...]], ...]) -> Floats:
-    """Mean difference of the attributes of each two values, (v, v) in [0, 1]."""
-    numbers = np.array([numbers for _, numbers in attributes])
-    spans = np.maximum(np.ptp(numbers, axis=1), 1e-12)
-    return np.asarray(
-        (np.abs(numbers[:, :, None] - numbers[:, None, :]) / spans[:, None, None]).mean(axis=0)
-    )
-
-
 def described_radius(space: Space, failures: int, neighbours: float) -> float:
-    """Radius in [0, 1] within which a failure would have this many neighbours on average if all failures were spread evenly over the space.
+    """Radius within which a failure has some neighbours by chance.
 
-    Denser clusters are not due to chance, however many failures were found: the radius shrinks as their number grows. neighbours: positive.
+    Denser clusters are not due to chance, however many failures there are: the radius shrinks as
+    their number grows.
+
+    Args:
+        space: of the failures.
+        failures: their number.
+        neighbours: mean number of neighbours if all failures were spread evenly over the space,
+            above 0.
+
+    Returns:
+        The radius on the described distance, in [0, 1].
+
+    Raises:
+        ValueError: `neighbours` is not positive.
     """
     if neighbours <= 0:
         raise ValueError(f"neighbours must be positive, got {neighbours}")
@@ -59,21 +69,23 @@ def _chance_distances(space: Space) -> Floats:
 
 
 def dense_groups(space: Space, failures: Floats, radius: float, min_failures: int) -> Ints:
-    """Label of the density cluster (DBSCAN) of each failure (n, d), as (n,); -1 for none, larger clusters first.
+    """Density clusters of failures (DBSCAN).
 
-    radius: on the described distance. min_failures: failures within it, itself included, that make a failure dense.
+    Args:
+        space: of the failures.
+        failures: (n, d) points.
+        radius: on the described distance.
+        min_failures: failures within the radius, itself included, that make a failure dense.
+
+    Returns:
+        (n,) label of each failure's cluster, larger clusters first; -1 for none.
     """
     if not len(failures):
         return np.zeros(0, np.int64)
-    from sklearn.cluster import (
-        DBSCAN,
-    )  # Takes more than a second, and steps that only read regions find none.
+    # The import takes more than a second, and steps that only read regions need none of it.
+    from sklearn.cluster import DBSCAN
 
-    # DBSCAN asks for a positive radius; if many points coincide, coinciding points form a cluster.
-    found = DBSCAN(eps=max(radius, 1e-9), min_samples=min_failures, metric="precomputed")
-    return largest_first(
-        np.asarray(
-            found.fit_predict(np.maximum(described_distance(space, failures, failures), 0)),
-            dtype=np.int64,
-        )
-    )
+    # DBSCAN needs a positive radius; if many points coincide, coinciding points form a cluster.
+    clusters = DBSCAN(eps=max(radius, 1e-9), min_samples=min_failures, metric="precomputed")
+    distances = np.maximum(described_distance(space, failures, failures), 0)
+    return largest_first(np.asarray(clusters.fit_predict(distances), dtype=np.int64))

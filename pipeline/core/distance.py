@@ -1,4 +1,4 @@
-"""The distance between points of a scenario space, and the relevance score that sampling derives from it."""
+"""The distance between points of a scenario space, and the relevance score based on it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,18 @@ from pipeline.core.space import Floats, Space
 
 
 def mixed_distance(space: Space, a: Floats, b: Floats) -> Floats:
-    """Distance of every point of `a` (n, d) to every point of `b` (m, d), as (n, m) in [0, 1].
+    """Distance of every point of `a` to every point of `b`.
 
-    The mean over variables of the difference divided by the largest possible difference: the range, or half the period of a cyclic
-    variable; categorical variables contribute 0 or 1.
+    The mean over variables of the difference divided by the largest possible difference: the
+    range, or half the period of a cyclic variable; categorical variables contribute 0 or 1.
+
+    Args:
+        space: of the points.
+        a: (n, d) points.
+        b: (m, d) points.
+
+    Returns:
+        (n, m) in [0, 1].
     """
     total = np.zeros((len(a), len(b)))
     for column, variable in enumerate(space.variables):
@@ -31,10 +39,20 @@ def mixed_distance(space: Space, a: Floats, b: Floats) -> Floats:
 def relevance(
     space: Space, candidates: Floats, points: Floats, failures: NDArray[np.bool_], epsilon: float
 ) -> NDArray[np.int64]:
-    """The score omega of each candidate (Def. 4.20): non-failures minus failures nearer than `epsilon`, as (n,).
+    """The score omega of each candidate (Def. 4.20): nearby passing tests minus nearby failures.
 
-    candidates: (n, d). points, failures: (m, d) and (m,), the observed tests. A candidate is sampling-relevant while its score is above a
-    negative threshold; below it, the candidate lies in an established failure region.
+    A candidate is sampling-relevant while its score is above a negative threshold; below it, the
+    candidate lies in an established failure region.
+
+    Args:
+        space: of the points.
+        candidates: (n, d) points.
+        points: (m, d) observed tests.
+        failures: (m,) whether each of these tests failed.
+        epsilon: distance below which a test is nearby.
+
+    Returns:
+        (n,) scores.
     """
     signs = np.where(failures, -1, 1)
     ball = mixed_distance(space, candidates, points) < epsilon

@@ -1,4 +1,7 @@
-"""The exposure: how often the conditions of a scenario space occur on the road (the density f of thesis Def. 4.11)."""
+"""The exposure: how often the conditions of a scenario space occur on the road.
+
+It is the density f of thesis Def. 4.11.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.core.marginals import Marginal, marginal, uniform
 from pipeline.core.names import nearest
@@ -14,18 +18,22 @@ from pipeline.core.rejection import feasible
 from pipeline.core.space import Floats, Space
 
 DRAWS = 200_000
-"""Draws that tell how much of a distribution the constraints leave."""
+"""Draws that show how much of a distribution the constraints leave."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """A distribution over a space: regimes such as dry, rain and fog, inside each of which all variables are independent.
+    """A distribution over a space: regimes such as dry, rain and fog.
 
-    shares: (c,) of the regimes, which sum to 1. marginals: for each regime, one for each variable. Points that break a constraint do not
-    occur; the others keep their proportions.
-
-    It is drawn from latent numbers in [0, 1), (n, 1 + d): the first chooses the regime, the others are quantiles of the variables. Uniform
+    Inside a regime, all variables are independent. Points that break a constraint do not occur;
+    the others keep their proportions. Points are computed from latent numbers in [0, 1),
+    (n, 1 + d): the first chooses the regime, the others are quantiles of the variables. Uniform
     latent numbers give points of the exposure.
+
+    Args:
+        space: of the points.
+        shares: (c,) of the regimes; they sum to 1.
+        marginals: for each regime, a marginal of each variable.
     """
 
     space: Space
@@ -34,30 +42,33 @@ class Exposure:
 
     @staticmethod
     def from_dict(space: Space, plain: Mapping[str, Any]) -> Exposure:
-        """The exposure of plain data, `{variables: {name: {kind, ...}}, regimes: {name: {share, variables}}}`.
+        """The exposure of plain data, `{variables: {name: {kind, ...}}, regimes: {name: ...}}`.
 
-        Variables that it does not name are uniform; a regime's variables replace those of the same name. ValueError for an unknown variable
-        and for wrong shares.
+        Each regime is `{share, variables}`. Variables that the data do not name are uniform; a
+        regime's variables replace those of the same name.
+
+        Raises:
+            ValueError: an unknown variable, a wrong marginal, or wrong shares.
         """
-        common, regimes = plain.get("variables", {}), plain.get("regimes", {})
-        for name in [
-            name
-            for part in (common, *(regime["variables"] for regime in regimes.values()))
-            for name in part
-        ]:
-            if name not in space.names:
-                raise ValueError(f"the space has no variable '{name}'{nearest(name, space.names)}")
-        shares = np.array([regime["share"] for regime in regimes.values()] or [1.0])
+        common = plain.get("variables", {})
+        regimes = list(plain.get("regimes", {}).values())
+        for distributions in (common, *(regime["variables"] for regime in regimes)):
+            for name in distributions:
+                if name not in space.names:
+                    hint = nearest(name, space.names)
+                    raise ValueError(f"the space has no variable '{name}'{hint}")
+        shares = np.array([regime["share"] for regime in regimes] or [1.0])
         if (shares <= 0).any() or abs(shares.sum() - 1) > 1e-6:
             raise ValueError(f"regimes: shares must be above 0 and sum to 1, got {shares.tolist()}")
-        named = [{**common, **regime["variables"]} for regime in regimes.values()] or [common]
-        marginals = tuple(
-            tuple(
-                marginal(v, one[v.name]) if v.name in one else uniform(v) for v in space.variables
-            )
-            for one in named
-        )
-        return Exposure(space, shares, marginals)
+        marginals = []
+        for regime in regimes or [{"variables": {}}]:
+            distributions = {**common, **regime["variables"]}
+            row = []
+            for variable in space.variables:
+                body = distributions.get(variable.name)
+                row.append(uniform(variable) if body is None else marginal(variable, body))
+            marginals.append(tuple(row))
+        return Exposure(space, shares, tuple(marginals))
 
     def check(self) -> None:
         """ValueError if the constraints exclude almost all of it."""
@@ -73,17 +84,14 @@ class Exposure:
 
     def points(self, latent: Floats) -> Floats:
         """Convert (n, 1 + d) latent numbers to (n, d) points; they may break constraints."""
-        regime = np.minimum(
-            np.searchsorted(np.cumsum(self.shares), latent[:, 0], side="right"),
-            len(self.shares) - 1,
-        )
-        made = np.empty((len(latent), len(self.space)))
+        regime = np.searchsorted(np.cumsum(self.shares), latent[:, 0], side="right")
+        regime = np.minimum(regime, len(self.shares) - 1)
+        points = np.empty((len(latent), len(self.space)))
         for c, marginals in enumerate(self.marginals):
             rows = regime == c
-            made[rows] = np.column_stack(
-                [one.quantile(latent[rows, j + 1]) for j, one in enumerate(marginals)]
-            )
-        return made
+            for j, each in enumerate(marginals):
+                points[rows, j] = each.quantile(latent[rows, j + 1])
+        return points
 
     def latents(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, 1 + d) latent numbers of independent points that break no constraint."""
@@ -93,31 +101,38 @@ class Exposure:
 
         if not self.space.clauses:
             return draw(count)
-        holds = self.space.constraints.holds
-        return feasible(
-            draw,
-            lambda latent: holds(self.space.categorise(self.points(latent))),
-            count,
-            "all of the exposure",
-        )
+
+        def holds(latent: Floats) -> NDArray[np.bool_]:
+            return self.space.constraints.holds(self.space.categorise(self.points(latent)))
+
+        return feasible(draw, holds, count, "all of the exposure")
 
     def sample(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, d) independent points of the exposure that break no constraint."""
         return self.points(self.latents(count, rng))
 
     def ratio(self, points: Floats) -> Floats:
-        """How many times as likely each of (n, d) feasible points is as among uniform random tests, (n,). With constraints, times a factor
-        that all points share: how much they exclude of the exposure and of uniform tests is not known."""
-        columns = list(range(len(self.space)))
-        each = [
-            np.prod([one[j].ratio(points[:, j]) for j in columns], axis=0) for one in self.marginals
-        ]
-        return np.asarray(self.shares @ np.array(each))
+        """How many times as likely each point is as among uniform random tests.
+
+        With constraints, times a factor that all points share: how much they exclude of the
+        exposure and of uniform tests is not known.
+
+        Args:
+            points: (n, d) feasible points.
+
+        Returns:
+            (n,) ratios.
+        """
+        regime_ratios = []
+        for marginals in self.marginals:
+            ratios = [each.ratio(points[:, j]) for j, each in enumerate(marginals)]
+            regime_ratios.append(np.prod(ratios, axis=0))
+        return np.asarray(self.shares @ np.array(regime_ratios))
 
     @property
     def largest_ratio(self) -> float:
-        """A bound of `ratio`."""
-        return float(
-            self.shares
-            @ [np.prod([one.largest_ratio for one in marginals]) for marginals in self.marginals]
-        )
+        """An upper bound of `ratio`."""
+        bounds = []
+        for marginals in self.marginals:
+            bounds.append(np.prod([each.largest_ratio for each in marginals]))
+        return float(self.shares @ bounds)

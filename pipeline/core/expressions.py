@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from math import prod
 
 from pipeline.core.constraints import Clause, Literal
@@ -51,14 +51,22 @@ Wide = Mapping[int, frozenset[int]]
 
 
 def clauses_of(expression: Expression, sizes: Sequence[int]) -> tuple[Clause, ...]:
-    """Clauses that hold together exactly where the expression holds.
+    """The clauses that hold together exactly where an expression holds.
 
-    sizes: number of categories of each variable. Raises ValueError if nothing satisfies the expression, and if it needs too many clauses.
+    Args:
+        expression: over the indices of variables and categories.
+        sizes: (d,) number of categories of each variable.
+
+    Raises:
+        ValueError: nothing satisfies the expression, or it needs too many clauses.
+
+    >>> clauses_of(Not(OneOf((0,), frozenset({(1,)}))), [3])
+    ((Literal(variable=0, category=1, equal=False),),)
     """
-    found = _without_implied(_wide(expression, sizes, True))
-    if any(not clause for clause in found):
+    clauses = _without_implied(_wide(expression, sizes, True))
+    if any(not clause for clause in clauses):
         raise ValueError("no combination satisfies it")
-    return tuple(_clause(clause, sizes) for clause in found)
+    return tuple(_clause(clause, sizes) for clause in clauses)
 
 
 def _clause(wide: Wide, sizes: Sequence[int]) -> Clause:
@@ -80,26 +88,20 @@ def _wide(expression: Expression, sizes: Sequence[int], positive: bool) -> list[
             return _combinations(expression, sizes, positive)
         case Every(parts) | Some(parts):
             several = [_wide(part, sizes, positive) for part in parts]
-            return (
-                _together(several)
-                if isinstance(expression, Every) == positive
-                else _either(several, sizes)
-            )
-
-
-def _together(several: Sequence[list[Wide]]) -> list[Wide]:
-    return _bounded([clause for clauses in several for clause in clauses])
+            if isinstance(expression, Every) != positive:
+                return _either(several, sizes)
+            return _bounded(list(chain.from_iterable(several)))
 
 
 def _either(several: Sequence[list[Wide]], sizes: Sequence[int]) -> list[Wide]:
     """Clauses of a disjunction: each combines one clause of every part."""
-    found: list[Wide] = [{}]
+    combined: list[Wide] = [{}]
     for clauses in several:
-        if len(found) * len(clauses) > 20 * MOST_CLAUSES:
+        if len(combined) * len(clauses) > 20 * MOST_CLAUSES:
             raise ValueError(TOO_MANY)
-        merged = (_merged(first, second, sizes) for first, second in product(found, clauses))
-        found = _without_implied([clause for clause in merged if clause is not None])
-    return found
+        merged = (_merged(first, second, sizes) for first, second in product(combined, clauses))
+        combined = _without_implied([clause for clause in merged if clause is not None])
+    return combined
 
 
 def _merged(first: Wide, second: Wide, sizes: Sequence[int]) -> Wide | None:
@@ -112,56 +114,52 @@ def _merged(first: Wide, second: Wide, sizes: Sequence[int]) -> Wide | None:
     return both
 
 
-def _combinations(one: OneOf, sizes: Sequence[int], positive: bool) -> list[Wide]:
-    """For each combination of all variables but the last one, what remains for the last; combinations that differ only in the first
-    variable share a clause."""
-    own = [sizes[variable] for variable in one.variables]
-    if prod(own) > MOST_ROWS:
+def _combinations(relation: OneOf, sizes: Sequence[int], positive: bool) -> list[Wide]:
+    """Clauses of a relation: each combination of all variables but the last limits the last.
+
+    Combinations that differ only in the first variable share a clause.
+    """
+    *before, last = relation.variables
+    counts = [sizes[variable] for variable in relation.variables]
+    if prod(counts) > MOST_ROWS:
         raise ValueError(
-            f"it compares variables with {prod(own):,} combinations, more than {MOST_ROWS:,}"
+            f"it compares variables with {prod(counts):,} combinations, more than {MOST_ROWS:,}"
         )
-    *before, last = one.variables
-    firsts: dict[tuple[tuple[int, ...], frozenset[int]], set[int]] = {}
-    alone: list[Wide] = []
-    for start in product(*map(range, own[:-1])):
+    shared: dict[tuple[tuple[int, ...], frozenset[int]], set[int]] = {}
+    clauses: list[Wide] = []
+    for start in product(*map(range, counts[:-1])):
         kept = frozenset(
-            category for category in range(own[-1]) if ((*start, category) in one.rows) == positive
+            category
+            for category in range(counts[-1])
+            if ((*start, category) in relation.rows) == positive
         )
-        if len(kept) == own[-1]:
+        if len(kept) == counts[-1]:
             continue
         if start:
-            firsts.setdefault((start[1:], kept), set()).add(start[0])
+            shared.setdefault((start[1:], kept), set()).add(start[0])
         else:
-            alone.append({last: kept} if kept else {})
-    shared = [
-        _implied(before, (gone, *map(lambda c: {c}, rest)), own, (last, kept))
-        for (rest, kept), gone in firsts.items()
-    ]
-    return _bounded(alone + shared)
-
-
-def _implied(
-    before: Sequence[int],
-    gone: Sequence[set[int]],
-    own: Sequence[int],
-    then: tuple[int, frozenset[int]],
-) -> Wide:
-    """If the variables `before` have categories in `gone`, the last variable has one of its kept ones."""
-    parts = [
-        (variable, frozenset(range(size)) - excluded)
-        for variable, size, excluded in zip(before, own, gone, strict=False)
-    ]
-    return {variable: kept for variable, kept in (*parts, then) if kept}
+            clauses.append({last: kept} if kept else {})
+    # If the variables before have the excluded categories, the last one has one of its kept ones.
+    for (rest, kept), firsts in shared.items():
+        clause: dict[int, frozenset[int]] = {}
+        excluded = (firsts, *({category} for category in rest))
+        for variable, size, categories in zip(before, counts, excluded, strict=False):
+            clause[variable] = frozenset(range(size)) - categories
+        clause[last] = kept
+        clauses.append(
+            {variable: categories for variable, categories in clause.items() if categories}
+        )
+    return _bounded(clauses)
 
 
 def _without_implied(clauses: list[Wide]) -> list[Wide]:
     """The clauses that no other clause implies."""
     kept: list[Wide] = []
     for clause in sorted(_bounded(clauses), key=lambda clause: sum(map(len, clause.values()))):
-        if not any(
-            all(categories <= clause.get(v, frozenset()) for v, categories in other.items())
-            for other in kept
-        ):
+        for other in kept:
+            if all(categories <= clause.get(v, frozenset()) for v, categories in other.items()):
+                break
+        else:
             kept.append(clause)
     return kept
 

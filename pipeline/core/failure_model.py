@@ -23,35 +23,49 @@ EDGE = 1e-9
 def tree_chances(
     inputs: Floats, failed: NDArray[np.bool_], trees: int, rng: np.random.Generator
 ) -> Chances:
-    """Extremely randomised trees that have learnt which tests failed (Geurts et al., 2006): the failure probability by each, (trees, m).
+    """Failure probability by each of several extremely randomised trees (Geurts et al., 2006).
 
-    inputs: (n, f). failed: (n,) whether those tests failed.
+    Args:
+        inputs: (n, f) of the tests to learn from.
+        failed: (n,) whether those tests failed.
+        trees: number of trees.
+        rng: source of randomness.
+
+    Returns:
+        From the inputs (m, f) of other tests to their failure probability by each tree, (trees, m).
     """
-    from sklearn import (
-        config_context,
-    )  # Takes seconds, and every study makes every strategy to check it.
+    # Imported late: that takes seconds, and every study makes every strategy to check it.
+    from sklearn import config_context
     from sklearn.tree import ExtraTreeRegressor
 
-    # The trees of scikit-learn's ExtraTreesRegressor, bit for bit, without the copies and checks that it makes of each.
+    # The trees of scikit-learn's ExtraTreesRegressor, bit for bit, without the copies and checks
+    # that it makes of each.
     seeds = np.random.RandomState(int(rng.integers(2**31))).randint(2**31 - 1, size=trees)
-    known, values = inputs.astype(np.float32), failed.astype(float)
+    rows, values = inputs.astype(np.float32), failed.astype(float)
+    grown = []
     with config_context(skip_parameter_validation=True):
-        grown = [
-            ExtraTreeRegressor(max_features=TREE_FEATURES, random_state=s).fit(
-                known, values, check_input=False
-            )
-            for s in seeds.tolist()
-        ]
+        for seed in seeds.tolist():
+            tree = ExtraTreeRegressor(max_features=TREE_FEATURES, random_state=seed)
+            grown.append(tree.fit(rows, values, check_input=False))
 
     def chances(others: Floats) -> Floats:
-        rows = others.astype(np.float32)
-        return np.stack([tree.tree_.predict(rows)[:, 0] for tree in grown])
+        others = others.astype(np.float32)
+        return np.stack([tree.tree_.predict(others)[:, 0] for tree in grown])
 
     return chances
 
 
 def linear_chances(inputs: Floats, kpi: Floats, threshold: float) -> Chances:
-    """A Bayesian linear model of the KPI with normal scatter (Tipping, 2001): the probability (m,) of a KPI at or below the threshold."""
+    """Failure probability by a Bayesian linear model of the KPI (Tipping, 2001).
+
+    Args:
+        inputs: (n, f) of the tests to learn from.
+        kpi: (n,) of those tests.
+        threshold: a test with a KPI at or below it is a failure.
+
+    Returns:
+        From the inputs (m, f) of other tests to their failure probability, (m,).
+    """
     from scipy.special import ndtr
     from sklearn.linear_model import BayesianRidge
 
@@ -66,5 +80,5 @@ def linear_chances(inputs: Floats, kpi: Floats, threshold: float) -> Chances:
 
 
 def joined(trees: Floats, linear: Floats) -> Floats:
-    """Both models' probabilities as a noisy-or: what the trees know to fail cannot gain from the linear model."""
+    """Both models' probabilities as a noisy-or: no gain where the trees are sure of a failure."""
     return np.asarray(trees + (1 - trees) * LINEAR_TRUST * linear)

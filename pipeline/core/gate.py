@@ -18,10 +18,11 @@ Judgement = Literal["within the margin", "above the margin", "too small to judge
 
 @dataclass(frozen=True)
 class Policy:
-    """What a comparison asks for.
+    """The settings of a comparison.
 
-    alpha: significance level of each paired test. confidence: of every interval and limit. margin: highest rise of a failure rate over the
-    base's, as a share of tests, that the gate tolerates.
+    alpha: significance level of each paired test. confidence: of every interval and limit.
+    margin: highest rise of a failure rate over the base's that the gate tolerates, as a share of
+    tests.
     """
 
     alpha: float
@@ -31,7 +32,10 @@ class Policy:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the held-out tests: those of a scenario or of a named group. rows: (n,) bool, in the order of the sequence."""
+    """A part of the held-out tests: those of a scenario or of a named group.
+
+    rows: (n,) bool, in the order of the sequence.
+    """
 
     name: str
     measure: Measure
@@ -40,11 +44,12 @@ class Part:
 
 @dataclass(frozen=True)
 class RiseLimit:
-    """How far a version's failure rate may be above the base's on one part.
+    """How far a version's failure rate may be above the base's on a part of the tests.
 
-    tests: valid for both versions. fixes, regressions: number of tests that only the base, and only the version fails. limit: one-sided
-    upper confidence limit of the rise, in [-1, 1]. It treats the tests as a sample of tests like these; the sequence is a designed list, so
-    its confidence is nominal. judgement: see `judge_limit`.
+    tests: valid for both versions. fixes: number of tests that only the base fails.
+    regressions: number of tests that only the version fails. limit: one-sided upper confidence
+    limit of the rise, in [-1, 1]. It treats the tests as a sample of tests like these; the
+    sequence is a designed list, so its confidence is nominal. judgement: see `judge_limit`.
     """
 
     name: str
@@ -60,8 +65,9 @@ class RiseLimit:
 class Gate:
     """The gate's findings on a version.
 
-    more_errors: than the base has. fewer: it fails significantly less than the base on the whole sequence. fewer_over_seeds: so do the
-    versions that differ from it only by their seed, all together. limits: of every part.
+    more_errors: than the base has. fewer: it fails significantly fewer tests of the whole sequence
+    than the base. fewer_over_seeds: so do the versions that differ from it only by their seed, all
+    together. limits: of every part.
     """
 
     more_errors: bool
@@ -74,11 +80,11 @@ class Gate:
 
     @property
     def passes(self) -> bool:
-        """No more errors, fewer failures, also over the seeds, and no limit above the margin. A part that is too small to judge does not
-        hold the version back.
+        """No more errors, fewer failures, also over the seeds, and no limit above the margin.
 
-        The limits need no correction for their number: the version must keep all of them, so one that truly exceeds the margin in a judged
-        part passes with a probability of about 1 - confidence at most.
+        A part that is too small to judge does not hold the version back. The limits need no
+        correction for their number: the version must keep all of them, so a version that truly
+        exceeds the margin in a judged part passes with a probability of about 1 - confidence.
         """
         return (
             not self.more_errors
@@ -91,8 +97,12 @@ class Gate:
 def judge_limit(limit: float, tests: int, policy: Policy) -> Judgement:
     """Compare an upper limit with the margin.
 
-    A part is too small to judge if not even two versions with equal results on all its tests could meet the margin. With 95 % confidence
-    and a margin of 10 %, these are parts of fewer than 25 tests.
+    A part is too small to judge if not even two versions with equal results on all its tests could
+    meet the margin. With 95 % confidence and a margin of 10 %, these are parts of fewer than 25
+    tests.
+
+    >>> judge_limit(0.12, 200, Policy(alpha=0.05, confidence=0.95, margin=0.1))
+    'above the margin'
     """
     if paired_rise_limit(0, 0, tests, policy.confidence) > policy.margin:
         return "too small to judge"
@@ -102,19 +112,13 @@ def judge_limit(limit: float, tests: int, policy: Policy) -> Judgement:
 def limit_rise(
     base: SequenceOutcomes, version: SequenceOutcomes, part: Part, policy: Policy
 ) -> RiseLimit:
-    """The upper limit of the rise on one part."""
-    found = pair(base.at(part.rows), version.at(part.rows))
-    fixes, regressions = int(found.fixed.sum()), int(found.regressed.sum())
-    limit = paired_rise_limit(regressions, fixes, found.tests, policy.confidence)
-    return RiseLimit(
-        part.name,
-        part.measure,
-        found.tests,
-        fixes,
-        regressions,
-        limit,
-        judge_limit(limit, found.tests, policy),
-    )
+    """The upper limit of the rise on a part of the tests."""
+    difference = pair(base.at(part.rows), version.at(part.rows))
+    fixes, regressions = int(difference.fixed.sum()), int(difference.regressed.sum())
+    tests = difference.tests
+    limit = paired_rise_limit(regressions, fixes, tests, policy.confidence)
+    judgement = judge_limit(limit, tests, policy)
+    return RiseLimit(part.name, part.measure, tests, fixes, regressions, limit, judgement)
 
 
 def gate(
@@ -134,15 +138,21 @@ def gate(
 
 
 def champion(outcomes: Mapping[str, SequenceOutcomes], passing: Collection[str]) -> str:
-    """The champion: of the versions that pass the gate, the one with the fewest failures, then the fewest by TTC alone, on the tests
-    that are valid for every version; if none passes, the first version, the base."""
-    valid = np.all([found.valid for found in outcomes.values()], axis=0)
-    counts = {
-        name: (int(outcomes[name].failed[valid].sum()), int(outcomes[name].by_ttc[valid].sum()))
-        for name in outcomes
-    }
-    return min(
-        (name for name in outcomes if name in passing),
-        key=counts.__getitem__,
-        default=next(iter(outcomes)),
-    )
+    """The version that passes the gate with the fewest failures, then the fewest by TTC alone.
+
+    Args:
+        outcomes: of every version by name, the base first.
+        passing: names of the versions that pass the gate.
+
+    Returns:
+        The champion's name, judged on the tests that are valid for every version; the base if no
+        version passes.
+    """
+    valid = np.all([version.valid for version in outcomes.values()], axis=0)
+
+    def counts(name: str) -> tuple[int, int]:
+        version = outcomes[name].at(valid)
+        return version.failures, int(version.by_ttc.sum())
+
+    candidates = [name for name in outcomes if name in passing]
+    return min(candidates, key=counts, default=next(iter(outcomes)))

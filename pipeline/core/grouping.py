@@ -1,8 +1,11 @@
-"""Groups failures into regions: density proposes them, and a rule that is worth its description length decides."""
+"""Groups failures into regions.
+
+Density proposes them, and a rule that gains more than its description costs decides.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,13 +20,19 @@ from pipeline.core.space import Floats, Space
 from pipeline.core.words import Word
 
 EVERYWHERE = 0.95
-"""Share of failures among all tests from which all failures are one region: too few tests pass to tell regions apart."""
+"""Share of failures from which they are one region: too few tests pass to separate regions."""
 MIXED = "mixed"
 """The cause of a region whose failures have several."""
 BLOCKS = 5
-"""Consecutive tests depend on each other if a strategy chose them, so blocks of them are held back, not single ones."""
+"""Number of blocks of consecutive tests that are held back in turn.
+
+Consecutive tests depend on each other if a strategy chose them, so no single ones are held back.
+"""
 MIN_GAIN = 3.0
-"""Nats that a rule must gain beyond its own description: with labels at random, a chance of about e^-3 = 5 % for a false region."""
+"""Nats that a rule must gain beyond its own description.
+
+With labels at random, the chance of a false region is then about e^-3 = 5 %.
+"""
 
 
 @dataclass(frozen=True)
@@ -42,24 +51,29 @@ class Outcomes:
             )
 
     def rule(self, members: Bools) -> FoundRule:
-        """The rule that tells the failures `members`, (n,), from passing tests; other failures count for neither side."""
+        """The rule that separates the failures `members`, (n,), from passing tests.
+
+        Other failures count for neither side.
+        """
         rows = members | ~self.failed
         return find_rule(self.space, self.points[rows], members[rows], self.words)
 
-    def gain(self, found: FoundRule, members: Bools) -> float:
-        """The gain of a rule in telling `members`, (n,), from passing tests, whichever failures it was found from."""
+    def gain(self, candidate: FoundRule, members: Bools) -> float:
+        """The gain of a rule for separating the failures `members`, (n,), from passing tests."""
         rows = members | ~self.failed
-        inside = found.rule.holds(self.points[rows])
+        inside = candidate.rule.holds(self.points[rows])
         hits = inside & members[rows]
-        return (
-            float(likelihood_gain(np.array(hits.sum()), np.array(inside.sum()), members[rows]))
-            - found.price
-        )
+        gain = likelihood_gain(np.array(hits.sum()), np.array(inside.sum()), members[rows])
+        return float(gain) - candidate.price
 
 
 @dataclass(frozen=True)
 class Group:
-    """A region. cause: of its failures, `MIXED` for several. members: (n,), its failures. rule: tells them from passing tests."""
+    """A region.
+
+    cause: of its failures, `MIXED` for several. members: (n,) bool, its failures. rule: separates
+    them from passing tests.
+    """
 
     cause: str
     members: Bools
@@ -71,8 +85,14 @@ def group_failures(
 ) -> list[Group]:
     """The failure regions, larger ones first; failures in none of them are isolated.
 
-    causes: (n,), of each test. neighbours: see `described_radius`. min_failures: of a region. Each cause has regions of its own; failures
-    that are left over are grouped once more, whatever their causes. If (nearly) every test fails, all failures are one region.
+    Each cause has its own regions; failures that are left over are grouped once more, whatever
+    their causes. If (nearly) every test fails, all failures are one region.
+
+    Args:
+        tests: all tests of a space.
+        causes: (n,) of each test.
+        neighbours: see `described_radius`.
+        min_failures: smallest number of failures of a region.
     """
     if len(tests.failed) and tests.failed.mean() >= EVERYWHERE:
         return [Group(MIXED, tests.failed, Rule(()))] if tests.failed.sum() >= min_failures else []
@@ -88,8 +108,9 @@ def group_failures(
 def held_back(tests: Outcomes, group: Group) -> tuple[int, int]:
     """Tests and failures inside rules for a region that are fitted without these tests.
 
-    The tests, in the order in which they were executed, are cut into `BLOCKS`; the rule that the others give is judged on each block in
-    turn. The region itself is found with all tests, so this is no independent sample.
+    The tests, in the order in which they were executed, are cut into `BLOCKS`; the rule that the
+    others give is judged on each block in turn. The region was found with all tests, so this is
+    no independent sample.
     """
     inside = np.zeros(len(tests.failed), bool)
     for block in np.array_split(np.arange(len(inside)), BLOCKS):
@@ -103,35 +124,34 @@ def held_back(tests: Outcomes, group: Group) -> tuple[int, int]:
 
 
 def _of_cause(
-    cause: str, tests: Outcomes, wanted: Bools, neighbours: float, min_failures: int
+    cause: str, tests: Outcomes, failures: Bools, neighbours: float, min_failures: int
 ) -> Iterator[Group]:
-    """The density clusters of the failures `wanted`, and all of them together, propose rules; the one that gains most takes the failures
-    that it admits, and the search goes on with the others until no rule gains `MIN_GAIN`."""
-    left = wanted
+    """The regions of a cause.
+
+    The density clusters of the failures, and all of them together, propose rules. The best rule
+    takes the failures that it admits, and the search goes on with the others until no rule gains
+    `MIN_GAIN`.
+    """
+    left = failures
     while left.sum() >= min_failures:
-        seeds = _seeds(tests, left, neighbours, min_failures)
-        group = _best(cause, tests, left, seeds)
-        if group is None or group.members.sum() < min_failures:
+        # Density alone proves nothing, so each rule is scored on all remaining failures.
+        rules = [tests.rule(seed) for seed in _seeds(tests, left, neighbours, min_failures)]
+        gains = [tests.gain(candidate, left) for candidate in rules]
+        best = int(np.argmax(gains))
+        if gains[best] < MIN_GAIN:
             return
-        yield group
-        left = left & ~group.members
-
-
-def _best(cause: str, tests: Outcomes, left: Bools, seeds: Iterable[Bools]) -> Group | None:
-    # A dense group was chosen for being dense: its rule has to tell all failures that are left from passing tests.
-    gain, rule = max(
-        ((tests.gain(found, left), found.rule) for found in map(tests.rule, seeds)),
-        key=lambda one: one[0],
-    )
-    if gain < MIN_GAIN:
-        return None
-    members = left & rule.holds(tests.points)
-    # Other failures no longer draw at its bounds.
-    again = tests.rule(members).rule
-    return Group(cause, members, again if again.conditions else rule)
+        rule = rules[best].rule
+        members = left & rule.holds(tests.points)
+        if members.sum() < min_failures:
+            return
+        # Fitted again, because failures outside no longer affect its bounds.
+        refitted = tests.rule(members).rule
+        yield Group(cause, members, refitted if refitted.conditions else rule)
+        left = left & ~members
 
 
 def _seeds(tests: Outcomes, left: Bools, neighbours: float, min_failures: int) -> Iterator[Bools]:
+    """The failures that are left, (n,), and their density clusters."""
     yield left
     radius = described_radius(tests.space, int(left.sum()), neighbours)
     labels = np.full(len(left), NOISE, np.int64)

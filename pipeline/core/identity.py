@@ -10,7 +10,10 @@ from pipeline.core.columns import column
 
 @dataclass(frozen=True, order=True)
 class CampaignId:
-    """A campaign: one strategy tests one model version on one scenario; campaigns with other seeds repeat it."""
+    """A campaign: a strategy tests a model version on a scenario.
+
+    Campaigns with other seeds repeat it.
+    """
 
     scenario: str = column("functional scenario")
     strategy: str = column("test strategy")

@@ -1,7 +1,8 @@
-"""The model versions of a study: their names, files and parents, and the campaigns that feed them (thesis chapter 7).
+"""The model versions of a study: their names, files and parents, and the campaigns that feed them.
 
-`base` (D_o) is tested first. Each round retrains a version of every arm from its predecessor: `random` (D_r) and `adaptive` (D_a) on frames
-of campaigns against it, `control` on no new data. Retraining with several seeds makes several versions of each arm.
+`base` (D_o) is tested first. Each round retrains a version of every arm from its predecessor:
+`random` (D_r) and `adaptive` (D_a) on frames of campaigns against it, `control` on no new data.
+Retraining with several seeds makes several versions of each arm (thesis chapter 7).
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 from pipeline.errors import InputError
 
@@ -27,8 +29,15 @@ NAME = re.compile(r"(\w+)(?:-r([2-9]|[1-9]\d+))?(?:-s(\d+))?")
 
 @dataclass(frozen=True)
 class Version:
-    """A model version. arm: its arm in the study, `base`, or the name of a detector that a study only tests. round: from 1; 0 for a
-    version that is not retrained. seed: of retraining; None for the study's first seed."""
+    """A model version.
+
+    arm: its arm in the study, `base`, or the name of a detector that a study only tests.
+    round: from 1; 0 for a version that is not retrained.
+    seed: of retraining; None for the study's first seed.
+
+    >>> str(Version("adaptive", 2, seed=1)), str(Version("adaptive", 2).parent)
+    ('adaptive-r2-s1', 'adaptive')
+    """
 
     arm: str = BASE
     round: int = 0
@@ -36,26 +45,25 @@ class Version:
 
     def __str__(self) -> str:
         """Its name: `base`, `adaptive`, `adaptive-r2`, `adaptive-s1`, `adaptive-r2-s1`."""
-        return (
-            self.arm
-            + (f"-r{self.round}" if self.round > 1 else "")
-            + (f"-s{self.seed}" if self.seed is not None else "")
-        )
+        name = self.arm
+        if self.round > 1:
+            name += f"-r{self.round}"
+        if self.seed is not None:
+            name += f"-s{self.seed}"
+        return name
 
     @staticmethod
     def named(name: str) -> Version:
         """The version of a name, retrained unless it is `base`; InputError for any other text."""
-        found = NAME.fullmatch(name)
-        if found is None or (found[1] == BASE and name != BASE):
+        match = NAME.fullmatch(name)
+        if match is None or (match[1] == BASE and name != BASE):
             raise InputError(
                 f"expected the name of a version, such as base or adaptive-r2-s1, got '{name}'"
             )
-        arm, number, seed = found.groups()
-        return (
-            Version()
-            if arm == BASE
-            else Version(arm, int(number or 1), None if seed is None else int(seed))
-        )
+        arm, number, seed = match.groups()
+        if arm == BASE:
+            return Version()
+        return Version(arm, int(number or 1), None if seed is None else int(seed))
 
     @property
     def parent(self) -> Version | None:
@@ -76,14 +84,10 @@ class Version:
 
 
 def versions(arms: Iterable[str], rounds: int, seeds: Sequence[int]) -> tuple[Version, ...]:
-    """All versions of a study: the base, then by round and arm one version per seed of retraining."""
-    suffixes = [None, *seeds[1:]]
-    return (
-        Version(),
-        *(
-            Version(arm, number, seed)
-            for number in range(1, rounds + 1)
-            for arm in arms
-            for seed in suffixes
-        ),
-    )
+    """All versions of a study: the base, then by round, arm and seed of retraining.
+
+    >>> [str(version) for version in versions(["random", "adaptive"], rounds=1, seeds=[0, 1])]
+    ['base', 'random', 'random-s1', 'adaptive', 'adaptive-s1']
+    """
+    retrained = product(range(1, rounds + 1), arms, [None, *seeds[1:]])
+    return Version(), *(Version(arm, number, seed) for number, arm, seed in retrained)

@@ -21,10 +21,13 @@ SLACK = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Marginal:
-    """The distribution of one variable: `shares` (m,), which sum to 1, of parts of its range or of single values.
+    """The distribution of a variable over parts of its range, or over single values.
 
-    edges: (m + 1,), the parts' ends; inside a part every value is equally likely. values: (m,), encoded, for an integer or categorical
-    variable; `edges` is empty then. even: the variable's uniform density, or the uniform share of one value.
+    Args:
+        shares: (m,) of the parts or values; they sum to 1.
+        even: the variable's uniform density, or the uniform share of a value.
+        edges: (m + 1,) ends of the parts; inside a part every value is equally likely.
+        values: (m,) encoded, for an integer or categorical variable; `edges` is empty then.
     """
 
     shares: Floats
@@ -34,8 +37,18 @@ class Marginal:
 
     @staticmethod
     def parts(variable: Variable, edges: ArrayLike, shares: ArrayLike) -> Marginal:
-        """A marginal of a continuous or integer variable; a part of an integer variable has the whole numbers from its lower end to below
-        its upper end, the last part also that end. A cyclic variable's upper bound counts as its lower bound."""
+        """A marginal of a continuous or integer variable.
+
+        Args:
+            variable: its upper bound counts as its lower bound if it is cyclic.
+            edges: (m + 1,) ends of the parts, rising inside the variable's bounds. A part of an
+                integer variable has the whole numbers from its lower end to below its upper end,
+                the last part also that end.
+            shares: (m,) of the parts; they sum to 1.
+
+        Raises:
+            ValueError: wrong edges or shares.
+        """
         ends, mass = np.asarray(edges, float), _checked(shares)
         if (
             len(ends) != len(mass) + 1
@@ -44,50 +57,53 @@ class Marginal:
             or ends[-1] > variable.high
         ):
             raise ValueError(
-                f"edges must rise within [{variable.low:g}, {variable.high:g}], one more than shares ({len(mass)}), got {ends.tolist()}"
+                f"edges must rise within [{variable.low:g}, {variable.high:g}], "
+                f"one more than shares ({len(mass)}), got {ends.tolist()}"
             )
         if variable.kind == "continuous":
             return Marginal(mass, 1 / (variable.high - variable.low), ends, np.zeros(0))
-        whole = np.arange(
-            variable.low, variable.high + (0 if variable.cyclic else 1)
-        )  # A cyclic variable's ends are one value.
-        part = np.where(
-            whole == ends[-1], len(mass) - 1, np.searchsorted(ends, whole, side="right") - 1
-        )
-        counts = np.bincount(part[(part >= 0) & (part < len(mass))], minlength=len(mass))
+        # A cyclic variable's ends are one value.
+        whole = np.arange(variable.low, variable.high + (0 if variable.cyclic else 1))
+        part = np.searchsorted(ends, whole, side="right") - 1
+        part = np.where(whole == ends[-1], len(mass) - 1, part)
+        inside = (part >= 0) & (part < len(mass))
+        counts = np.bincount(part[inside], minlength=len(mass))
         if (mass[counts == 0] > 0).any():
             raise ValueError(f"edges must leave a whole number in every part, got {ends.tolist()}")
-        inside = (part >= 0) & (part < len(mass))
-        return Marginal.single(
-            np.where(inside, (mass / np.maximum(counts, 1))[np.clip(part, 0, len(mass) - 1)], 0.0),
-            whole,
-        )
+        each = (mass / np.maximum(counts, 1))[np.clip(part, 0, len(mass) - 1)]
+        return Marginal.single(np.where(inside, each, 0.0), whole)
 
     @staticmethod
     def single(shares: ArrayLike, values: ArrayLike) -> Marginal:
-        """A marginal of a categorical or integer variable, with a share for each of all its values."""
+        """A marginal of a categorical or integer variable, with a share for each value."""
         mass = _checked(shares)
         return Marginal(mass, 1 / len(mass), np.zeros(0), np.asarray(values, float))
 
     def quantile(self, unit: Floats) -> Floats:
         """Convert (n,) uniform numbers in [0, 1) to encoded values that have this distribution."""
         ends = np.concatenate([[0.0], np.cumsum(self.shares)])
-        part = np.clip(np.searchsorted(ends, unit * ends[-1], side="right") - 1, 0, self._last)
+        last = int(np.flatnonzero(self.shares)[-1])  # The last part that occurs at all.
+        part = np.clip(np.searchsorted(ends, unit * ends[-1], side="right") - 1, 0, last)
         if not len(self.edges):
             return np.asarray(self.values[part])
         within = (unit * ends[-1] - ends[part]) / self.shares[part]
         return np.asarray(self.edges[part] + np.clip(within, 0, 1) * np.diff(self.edges)[part])
 
     def ratio(self, values: Floats) -> Floats:
-        """How many times as likely each of (n,) encoded values is as under the uniform distribution, (n,), from 0."""
+        """How many times as likely each value is as under the uniform distribution.
+
+        Args:
+            values: (n,) encoded.
+
+        Returns:
+            (n,) from 0.
+        """
         if not len(self.edges):
             # Only the upper end of a cyclic variable lies above all values: it is the lower end.
-            return np.asarray(
-                self.shares[np.searchsorted(self.values, values) % len(self.shares)] / self.even
-            )
-        part = np.clip(
-            np.searchsorted(self.edges, values, side="right") - 1, 0, len(self.shares) - 1
-        )
+            index = np.searchsorted(self.values, values) % len(self.shares)
+            return np.asarray(self.shares[index] / self.even)
+        part = np.searchsorted(self.edges, values, side="right") - 1
+        part = np.clip(part, 0, len(self.shares) - 1)
         inside = (values >= self.edges[0]) & (values <= self.edges[-1])
         return np.where(inside, self._ratios[part], 0.0)
 
@@ -96,28 +112,36 @@ class Marginal:
         return float(self._ratios.max())
 
     @property
-    def _last(self) -> int:
-        """The last part that occurs at all."""
-        return int(np.flatnonzero(self.shares)[-1])
-
-    @property
     def _ratios(self) -> Floats:
         widths = np.diff(self.edges) if len(self.edges) else np.ones(len(self.shares))
         return np.asarray(self.shares / widths / self.even)
 
 
 def marginal(variable: Variable, plain: Mapping[str, Any]) -> Marginal:
-    """The marginal of plain data, `{kind, ...}`; ValueError that names what is wrong.
+    """The marginal of plain data.
 
-    uniform; histogram: edges, shares; normal: mean, deviation, cut at the variable's bounds; sun: latitude_deg, hours; shares: one for each
-    category by name; groups: of categories by their attributes.
+    Args:
+        variable: of the marginal.
+        plain: `{kind, ...}`. Kinds and their keys: uniform; histogram: edges, shares; normal:
+            mean, deviation, cut at the variable's bounds; sun: latitude_deg, hours; shares: a
+            share for each category by name; groups: of categories by their attributes.
+
+    Raises:
+        ValueError: wrong data; the message names the variable and the key.
+
+    >>> speed = Variable("speed", "continuous", "m/s", low=0, high=3, step=0.5)
+    >>> plain = {"kind": "histogram", "edges": [0, 1, 3], "shares": [0.75, 0.25]}
+    >>> marginal(speed, plain).quantile(np.array([0.0, 0.375, 0.75])).tolist()
+    [0.0, 0.5, 1.0]
     """
     body = {key: value for key, value in plain.items() if key not in ("kind", "source")}
     if (kind := str(plain.get("kind"))) not in KINDS:
         raise ValueError(f"{variable.name}: there is no kind '{kind}'{nearest(kind, KINDS)}")
     if variable.kind not in FOR[kind]:
+        kinds = " or ".join(FOR[kind])
         raise ValueError(
-            f"{variable.name}: kind '{kind}' is for a variable that is {' or '.join(FOR[kind])}, this one is {variable.kind}"
+            f"{variable.name}: kind '{kind}' is for a variable that is {kinds}, "
+            f"this one is {variable.kind}"
         )
     try:
         return KINDS[kind](variable, **body)
@@ -136,10 +160,6 @@ def uniform(variable: Variable) -> Marginal:
     return Marginal.parts(variable, [variable.low, variable.high], [1.0])
 
 
-def _histogram(variable: Variable, edges: Sequence[float], shares: Sequence[float]) -> Marginal:
-    return Marginal.parts(variable, edges, shares)
-
-
 def _normal(variable: Variable, mean: float, deviation: float) -> Marginal:
     from scipy.special import ndtr
 
@@ -149,7 +169,8 @@ def _normal(variable: Variable, mean: float, deviation: float) -> Marginal:
     mass = np.diff(ndtr((edges - mean) / deviation))
     if not mass.sum() > 0:
         raise ValueError(
-            f"mean {mean} lies so far from [{variable.low:g}, {variable.high:g}] that nothing is left"
+            f"mean {mean} lies so far from [{variable.low:g}, {variable.high:g}] "
+            "that nothing is left"
         )
     return Marginal.parts(variable, edges, mass / mass.sum())
 
@@ -172,7 +193,10 @@ def _shares(variable: Variable, shares: Mapping[str, float]) -> Marginal:
 
 
 def _groups(variable: Variable, groups: Sequence[Mapping[str, Any]]) -> Marginal:
-    """Each group has a share, divided evenly among the categories whose attributes lie in its ranges, lower end included."""
+    """Each group divides its share evenly among the categories with attributes in its ranges.
+
+    A range includes its lower end.
+    """
     attributes = {name: np.array(numbers) for name, numbers in variable.attributes}
     mass, taken = np.zeros(variable.size), np.zeros(variable.size, int)
     for group in groups:
@@ -188,16 +212,20 @@ def _groups(variable: Variable, groups: Sequence[Mapping[str, Any]]) -> Marginal
         mass += members * group["share"] / members.sum()
         taken += members
     if (taken != 1).any():
-        odd = [name for name, count in zip(variable.values, taken, strict=True) if count != 1]
-        raise ValueError(
-            f"every category must be in one group, but {odd[0]} is in {taken[variable.values.index(odd[0])]}"
-        )
+        wrong = int(np.flatnonzero(taken != 1)[0])
+        name = variable.values[wrong]
+        raise ValueError(f"every category must be in one group, but {name} is in {taken[wrong]}")
     return Marginal.single(mass, np.arange(variable.size))
 
 
 KINDS: Mapping[str, Callable[..., Marginal]] = {
-    "uniform": uniform, "histogram": _histogram, "normal": _normal, "sun": _sun, "shares": _shares, "groups": _groups,
-}  # fmt: skip
+    "uniform": uniform,
+    "histogram": Marginal.parts,
+    "normal": _normal,
+    "sun": _sun,
+    "shares": _shares,
+    "groups": _groups,
+}
 FOR: Mapping[str, tuple[str, ...]] = {
     "uniform": ("continuous", "integer", "categorical"),
     "histogram": ("continuous", "integer"),

@@ -12,15 +12,34 @@ from pipeline.core.space import Floats, Ints, Space
 
 
 def failure_sequence(failures: ArrayLike) -> Ints:
-    """The accumulated failure sequence Theta (Eq. 4.17): (n,) failures in sampling order to (n,) counts.
+    """The accumulated failure sequence Theta (Eq. 4.17).
 
-    failures: (n,) true if the KPI is at or below the threshold. An error is not a failure, but it used budget and keeps its place.
+    Args:
+        failures: (n,) in sampling order, whether the KPI is at or below the threshold. An error is
+            not a failure, but it used budget and keeps its place.
+
+    Returns:
+        (n,) number of failures so far.
+
+    >>> failure_sequence([False, True, True]).tolist()
+    [0, 1, 2]
     """
     return np.cumsum(np.asarray(failures, dtype=bool), dtype=np.int64)
 
 
 def f_measure(theta: Ints, n: int = 1) -> int | None:
-    """Number of tests until the n-th failure (Eq. 4.18, 4.19), from 1; None if there are fewer failures."""
+    """Number of tests until the n-th failure (Eq. 4.18, 4.19).
+
+    Args:
+        theta: failure sequence.
+        n: number of the failure, from 1.
+
+    Returns:
+        From 1; None if there are fewer failures.
+
+    >>> f_measure(failure_sequence([False, True, True]), n=2)
+    3
+    """
     if n < 1:
         raise ValueError(f"n must be at least 1, got {n}")
     position = int(np.searchsorted(theta, n))
@@ -28,10 +47,19 @@ def f_measure(theta: Ints, n: int = 1) -> int | None:
 
 
 def c_measure(theta: Ints, baseline: Ints) -> tuple[int, float | None]:
-    """Share of tests that a strategy saves against a baseline (Eq. 4.20), as (n, C_n); C_n is at most 1, None if undefined.
+    """Share of tests that a strategy saves against random testing (Eq. 4.20).
 
-    theta, baseline: failure sequences of the strategy and of random testing. n is the number of failures that the baseline found. If it
-    found none, its next test is assumed to be its first failure (Eq. 6.2). C_n is undefined if the strategy did not find n failures.
+    Args:
+        theta: failure sequence of the strategy.
+        baseline: failure sequence of random testing.
+
+    Returns:
+        n, the number of failures of the baseline, and C_n, at most 1. If the baseline has no
+        failure, its next test is assumed to be its first one (Eq. 6.2). C_n is None if the
+        strategy has fewer than n failures.
+
+    >>> c_measure(failure_sequence([True, True]), failure_sequence([False, True, False, True]))
+    (2, 0.5)
     """
     n, reference = baseline_cost(baseline)
     needed = f_measure(theta, n)
@@ -39,13 +67,16 @@ def c_measure(theta: Ints, baseline: Ints) -> tuple[int, float | None]:
 
 
 def baseline_cost(baseline: Ints) -> tuple[int, int]:
-    """The n of C_n and the tests F_n that random testing needed for n failures, given its failure sequence; see `c_measure`."""
+    """n of C_n, and the tests F_n that random testing needed for n failures; see `c_measure`."""
     n = max(int(baseline[-1]) if len(baseline) else 0, 1)
     return n, f_measure(baseline, n) or len(baseline) + 1
 
 
 def theta_area(theta: Ints) -> float:
-    """Area under a failure sequence (n,) as a share of the area if every test failed, in [0, 1]: early failures count more."""
+    """Area under a failure sequence (n,) as a share of the area if every test failed, in [0, 1].
+
+    Early failures count more.
+    """
     if not len(theta):
         raise ValueError("the area under Theta is undefined without a test")
     return float(theta.sum() / (len(theta) * (len(theta) + 1) / 2))
@@ -57,19 +88,17 @@ def kinds_of(space: Space, failures: Floats) -> int:
 
 
 def kinds(space: Space, failures: Floats) -> set[tuple[float, ...]]:
-    """The kinds of failures (n, d): distinct combinations of the categorical variables, such as person and pose."""
+    """Distinct combinations of the categorical variables, such as person and pose, of (n, d)."""
     columns = [j for j, variable in enumerate(space.variables) if variable.kind == "categorical"]
     return {tuple(row) for row in failures[:, columns].tolist()}
 
 
 def feasible_pairs(space: Space) -> int:
     """Number of feasible pairs of categories of different variables."""
-    return sum(
-        int(space.constraints.feasible_cells(pair).sum())
-        for pair in combinations(range(len(space)), 2)
-    )
+    pairs = combinations(range(len(space)), 2)
+    return sum(int(space.constraints.feasible_cells(pair).sum()) for pair in pairs)
 
 
 def pair_coverage(space: Space, points: Floats) -> float:
-    """Share of the feasible pairs of categories that the points (n, d) cover, in [0, 1] (thesis section 6.1)."""
+    """Share of the feasible pairs of categories that points (n, d) cover (thesis section 6.1)."""
     return projection_coverage(space.categorise(points), Demand(space.constraints, 2)).ratio

@@ -1,4 +1,4 @@
-"""Names: the one pattern of all that become a path, a wildcard or a registry entry, hints for unknown ones, and any name in one line."""
+"""Names that become a path, a wildcard or a registry entry, and hints for unknown names."""
 
 from __future__ import annotations
 
@@ -14,17 +14,22 @@ LONGEST_NAME = 60
 
 
 def check_name(name: str, joints: str = "") -> str:
-    """The name, if it is a word of ASCII letters, digits and _ that begins with a letter or digit; ValueError for any other.
+    """The name, if it means nothing to a shell, a regular expression, a file system or a database.
 
-    So it means nothing to a shell, a regular expression, a file system or a database. joints: characters that may join several words. Names
-    that are themselves joined, as those of versions and tests, have none.
+    Args:
+        name: a word of ASCII letters, digits and _ that begins with a letter or digit.
+        joints: characters that may join several words. Names that are parts of joined names, as
+            those of versions and tests, have none.
+
+    Raises:
+        ValueError: any other name.
     """
-    if len(name) > LONGEST_NAME or not re.fullmatch(
-        f"{WORD}(?:[{joints}]{WORD})*" if joints else WORD, name
-    ):
+    pattern = f"{WORD}(?:[{joints}]{WORD})*" if joints else WORD
+    if len(name) > LONGEST_NAME or not re.fullmatch(pattern, name):
         joined = f", joined by {' or '.join(joints)}" if joints else ""
         raise ValueError(
-            f"expected letters, digits and _{joined}, at most {LONGEST_NAME}, for use in paths, got {shown(name)}"
+            f"expected letters, digits and _{joined}, at most {LONGEST_NAME}, for use in paths, "
+            f"got {shown(name)}"
         )
     return name
 
@@ -34,14 +39,17 @@ def count_of(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """'; did you mean …?' with the nearest known name, or the list of them, or its beginning."""
-    choices = sorted(known)
-    if (
-        close := difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
-        if len(name) <= LONGEST_NAME
-        else []
-    ):
+def nearest(name: str, names: Iterable[str]) -> str:
+    """'; did you mean …?' with the nearest of the names, or the list of them, or its beginning.
+
+    >>> nearest("sed", ["seeds", "study"])
+    "; did you mean 'seeds'?"
+    """
+    choices = sorted(names)
+    close = []
+    if len(name) <= LONGEST_NAME:
+        close = difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
+    if close:
         return f"; did you mean '{close[0]}'?"
     return f"; known are {', '.join(choices if len(choices) <= FEW else [*choices[:FEW], '…'])}"
 

@@ -22,28 +22,38 @@ def feasible(
     count: int,
     whole: str,
 ) -> Floats:
-    """(count, d) independent draws that keep the constraints.
+    """Independent draws that keep the constraints.
 
-    draw: makes (n, d) independent draws. holds: whether each keeps the constraints, (n,). whole: of which the constraints leave almost
-    nothing if this fails.
+    Each place takes its first draw that holds. A round draws once for each place that is still
+    empty, or several times where fewer than one draw in ten holds, so that narrow constraints need
+    few rounds.
 
-    Each place takes its first draw that holds. A round draws once for each place that still has none, or several times where fewer than
-    one draw in ten holds, so that narrow constraints need few rounds.
+    Args:
+        draw: makes (n, d) independent draws.
+        holds: whether each of them keeps the constraints, (n,).
+        count: number of draws.
+        whole: what the constraints exclude almost all of if this fails, for the message.
 
-    Raises InputError if none of `MAX_DRAWS` draws holds.
+    Returns:
+        (count, d) draws.
+
+    Raises:
+        InputError: none of `MAX_DRAWS` draws holds.
     """
     points = draw(count)
     missing = np.flatnonzero(~holds(points))
-    drawn, found = count, count - len(missing)
+    drawn, kept = count, count - len(missing)
     while len(missing):
-        if not found and drawn >= MAX_DRAWS:
+        if not kept and drawn >= MAX_DRAWS:
             raise InputError(
-                f"constraints: they exclude almost {whole}: none of {drawn} random points satisfies them"
+                f"constraints: they exclude almost {whole}: "
+                f"none of {drawn} random points satisfies them"
             )
-        tries = max(1, min(drawn // (10 * (found + 1)), BLOCK // len(missing)))
+        tries = max(1, min(drawn // (10 * (kept + 1)), BLOCK // len(missing)))
         block = draw(len(missing) * tries)
         good = holds(block).reshape(len(missing), tries)
-        drawn, found, hit = drawn + len(block), found + int(good.sum()), good.any(axis=1)
-        points[missing[hit]] = block.reshape(len(missing), tries, -1)[hit, good[hit].argmax(axis=1)]
+        drawn, kept = drawn + len(block), kept + int(good.sum())
+        hit, first = good.any(axis=1), good.argmax(axis=1)
+        points[missing[hit]] = block.reshape(len(missing), tries, -1)[hit, first[hit]]
         missing = missing[~hit]
     return points

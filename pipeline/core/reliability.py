@@ -1,4 +1,4 @@
-"""Calibrates scores: a score becomes the share of correct detections among those with that score."""
+"""Calibrates scores: a score becomes the share of correct detections with that score."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ EDGE = 1e-6
 
 @dataclass(frozen=True)
 class Calibration:
-    """Platt scaling: calibrated logit = slope * logit + offset. It keeps the order of scores, and so average precision."""
+    """Platt scaling: calibrated logit = slope * logit + offset.
+
+    It keeps the order of scores, and so average precision.
+    """
 
     slope: float = 1.0
     offset: float = 0.0
@@ -36,13 +39,18 @@ class Calibration:
 
 
 def platt(scores: ArrayLike, right: ArrayLike) -> Calibration:
-    """Fit the calibration to (n,) scores in [0, 1] and whether each detection was correct (Platt 1999).
+    """Fit the calibration (Platt 1999).
 
-    Returns the identity if all or none are correct, or if a higher score does not mean correct more often.
+    Args:
+        scores: (n,) in [0, 1].
+        right: (n,) whether each detection was correct.
+
+    Returns:
+        The calibration; the identity if all or none are correct, or if a higher score does not
+        mean correct more often.
     """
-    from sklearn.linear_model import (
-        LogisticRegression,
-    )  # Takes a second to import, which every test worker would pay.
+    # Imported late: that takes a second, which every test worker would pay.
+    from sklearn.linear_model import LogisticRegression
 
     x, y = _logit(scores), np.asarray(right, dtype=bool)
     if len(np.unique(y)) < 2:
@@ -54,7 +62,7 @@ def platt(scores: ArrayLike, right: ArrayLike) -> Calibration:
 
 @dataclass(frozen=True)
 class Bin:
-    """Detections with scores in one bin: their mean score and share of correct ones, both in [0, 1], and their number."""
+    """Detections with similar scores: mean score, share of correct ones in [0, 1], and count."""
 
     score: float
     right: float
@@ -62,9 +70,18 @@ class Bin:
 
 
 def reliability(scores: ArrayLike, right: ArrayLike, bins: int = 10) -> tuple[Bin, ...]:
-    """The reliability diagram of (n,) scores in [0, 1] and whether each detection was correct: bins of equal width, without empty ones.
+    """The reliability diagram, without empty bins (Guo et al. 2017, Eq. 2).
 
-    Source: Guo et al., On calibration of modern neural networks, 2017, Eq. 2.
+    Args:
+        scores: (n,) in [0, 1].
+        right: (n,) whether each detection was correct.
+        bins: number of bins of equal width.
+
+    Raises:
+        ValueError: the lists have different lengths.
+
+    >>> reliability([0.1, 0.12, 0.9], [False, True, True], bins=2)
+    (Bin(score=0.11, right=0.5, count=2), Bin(score=0.9, right=1.0, count=1))
     """
     x, y = np.asarray(scores, dtype=float), np.asarray(right, dtype=bool)
     if x.shape != y.shape or x.ndim != 1:
@@ -72,21 +89,22 @@ def reliability(scores: ArrayLike, right: ArrayLike, bins: int = 10) -> tuple[Bi
             f"scores and right must be lists of equal length, got shapes {x.shape} and {y.shape}"
         )
     numbers = np.minimum((x * bins).astype(int), bins - 1)
-    chosen = ((numbers == number) for number in np.unique(numbers))
-    return tuple(
-        Bin(float(x[rows].mean()), float(y[rows].mean()), int(rows.sum())) for rows in chosen
-    )
+    diagram = []
+    for number in np.unique(numbers):
+        rows = numbers == number
+        diagram.append(Bin(float(x[rows].mean()), float(y[rows].mean()), int(rows.sum())))
+    return tuple(diagram)
 
 
 def calibration_error(diagram: Sequence[Bin]) -> float:
-    """Expected calibration error in [0, 1]: mean distance of score and share of correct ones, weighted by detections (Guo et al., Eq.
-    3)."""
-    total = sum(shown.count for shown in diagram)
-    return (
-        sum(shown.count * abs(shown.score - shown.right) for shown in diagram) / total
-        if total
-        else 0.0
-    )
+    """Expected calibration error in [0, 1] (Guo et al. 2017, Eq. 3).
+
+    The mean distance of score and share of correct detections, weighted by their number.
+    """
+    total = sum(each.count for each in diagram)
+    if not total:
+        return 0.0
+    return sum(each.count * abs(each.score - each.right) for each in diagram) / total
 
 
 def _logit(scores: ArrayLike) -> NDArray[np.float64]:

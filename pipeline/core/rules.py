@@ -16,12 +16,24 @@ EVERY = "every test"
 
 @dataclass(frozen=True)
 class Condition:
-    """One part of a rule: an interval of a numeric variable, or some values of a categorical one.
+    """A part of a rule: an interval of a numeric variable, or values of a categorical one.
 
-    variable: index. low, high: a cyclic interval with low > high wraps around the end of the range. values: encoded. text: what the values
-    have in common, such as `child` or `height_m <= 1.2`; empty if they have to be listed. order: place of a word in the phrase that the
-    words of a rule form; None for all other conditions. other, sign: if sign is not 0, the interval is that of the variable plus sign times
-    the other one, as `rain - fog in [-12, 12] %`.
+    Args:
+        variable: index in the space.
+        low: lower bound, included. A cyclic interval with low > high passes the end of the range.
+        high: upper bound, included.
+        values: encoded values, for a categorical variable.
+        text: what the values have in common, such as `child` or `height_m <= 1.2`; empty if they
+            have to be listed.
+        order: place of a word in the phrase that the words of a rule form; None for all other
+            conditions.
+        other: index of a second variable; only with `sign`.
+        sign: if not 0, the interval is that of the variable plus sign times the other one, as
+            `rain - fog in [-12, 12] %`.
+
+    >>> condition = Condition(variable=0, low=60, high=100)
+    >>> condition.holds(np.array([[50.0], [60.0]])).tolist()
+    [False, True]
     """
 
     variable: int
@@ -60,12 +72,22 @@ class Condition:
         variable = self.subject(space)
         if self.text:
             return self.text
-        return _listed(self, variable) if self.values else _interval(self, variable)
+        if not self.values:
+            return _interval(self, variable)
+        names = [variable.values[i] for i in self.values]
+        if len(names) == 1:
+            return f"{variable.name} = {names[0]}"
+        return f"{variable.name} in {{{', '.join(names)}}}"
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A conjunction of conditions; without conditions it holds for every test."""
+    """A conjunction of conditions; without conditions it holds for every test.
+
+    >>> rule = Rule((Condition(0, 60, 100), Condition(1, values=(2,))))
+    >>> rule.holds(np.array([[70.0, 2.0], [70.0, 1.0]])).tolist()
+    [True, False]
+    """
 
     conditions: tuple[Condition, ...]
 
@@ -77,48 +99,33 @@ class Rule:
         return result
 
     def text(self, space: Space) -> str:
-        """As a person reads it: `crouching child and fog >= 60 % and sun_altitude in [-20, 3] deg`."""
-        named = sorted(
-            (c for c in self.conditions if c.order is not None), key=lambda c: c.order or 0
-        )
-        phrase = [" ".join(c.text for c in named)] if named else []
-        return (
-            " and ".join([*phrase, *(c.words(space) for c in self.conditions if c.order is None)])
-            or EVERY
-        )
+        """As a person reads it: `crouching child and fog >= 60 % and speed in [1, 2] m/s`."""
+        words = [condition for condition in self.conditions if condition.order is not None]
+        words.sort(key=lambda condition: condition.order or 0)
+        parts = [" ".join(word.text for word in words)] if words else []
+        for condition in self.conditions:
+            if condition.order is None:
+                parts.append(condition.words(space))
+        return " and ".join(parts) or EVERY
 
 
 def combined(first: Variable, second: Variable, sign: int) -> Variable:
-    """The sum (sign 1) or the difference (sign -1) of two variables with one unit."""
-    ends = (second.low, second.high) if sign > 0 else (-second.high, -second.low)
+    """The sum (sign 1) or the difference (sign -1) of two variables with the same unit."""
+    low, high = (second.low, second.high) if sign > 0 else (-second.high, -second.low)
     name = f"{first.name} {'+' if sign > 0 else '-'} {second.name}"
-    return Variable(
-        name,
-        "continuous",
-        first.unit,
-        first.low + ends[0],
-        first.high + ends[1],
-        max(first.step, second.step),
-    )
-
-
-def _listed(condition: Condition, variable: Variable) -> str:
-    names = [variable.values[i] for i in condition.values]
-    return (
-        f"{variable.name} = {names[0]}"
-        if len(names) == 1
-        else f"{variable.name} in {{{', '.join(names)}}}"
-    )
+    step = max(first.step, second.step)
+    return Variable(name, "continuous", first.unit, first.low + low, first.high + high, step)
 
 
 def _interval(condition: Condition, variable: Variable) -> str:
+    name, low, high = variable.name, condition.low, condition.high
     unit = f" {variable.unit}" if variable.unit else ""
-    if condition.low > condition.high:
-        return f"{variable.name} from {condition.low:g} through {variable.high:g} to {condition.high:g}{unit}"
-    if condition.low == condition.high:
-        return f"{variable.name} = {condition.low:g}{unit}"
-    if condition.low <= variable.low:
-        return f"{variable.name} <= {condition.high:g}{unit}"
-    if condition.high >= variable.high:
-        return f"{variable.name} >= {condition.low:g}{unit}"
-    return f"{variable.name} in [{condition.low:g}, {condition.high:g}]{unit}"
+    if low > high:
+        return f"{name} from {low:g} through {variable.high:g} to {high:g}{unit}"
+    if low == high:
+        return f"{name} = {low:g}{unit}"
+    if low <= variable.low:
+        return f"{name} <= {high:g}{unit}"
+    if high >= variable.high:
+        return f"{name} >= {low:g}{unit}"
+    return f"{name} in [{low:g}, {high:g}]{unit}"

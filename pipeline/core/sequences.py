@@ -1,8 +1,11 @@
-"""Temporal categories: conditions over a sequence of frames, such as rain and then sun within five seconds (outlook of Cheng et al.)."""
+"""Temporal categories: conditions over a sequence of frames (outlook of Cheng et al.).
+
+For example: rain, and then sun within five seconds.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -11,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from pipeline.core.constraint_language import read_constraint
-from pipeline.core.constraints import Bools, Clause, Literal
+from pipeline.core.constraints import Bools, Clause
 from pipeline.core.space import Space
 from pipeline.core.variable import Floats, Ints
 
@@ -25,8 +28,11 @@ RESOLUTION_S = 1e-6
 class Frames:
     """The frames of sequences, those of a sequence together and in order of time.
 
-    categories: (n, d), -1 for an unknown one. time_s: (n,) rising within a sequence. sequence: (n,) rising, from 0 to `count` - 1, each at
-    least once.
+    Args:
+        categories: (n, d) category indices, -1 for unknown.
+        time_s: (n,) rising within a sequence.
+        sequence: (n,) rising, from 0 to `count` - 1, each at least once.
+        count: number of sequences.
     """
 
     categories: Ints
@@ -35,20 +41,24 @@ class Frames:
     count: int
 
     def any(self, holds: Bools) -> Bools:
-        """(count,) whether something holds in some frame, (n,)."""
+        """(count,) whether each sequence has a frame in which `holds`, (n,), is true."""
         return np.asarray(np.bincount(self.sequence, holds, self.count) > 0)
 
     def first(self, holds: Bools) -> Ints:
-        """(count,) position of the first frame in which something holds, (n,); `NEVER` where there is none."""
-        found = np.full(self.count, NEVER)
+        """(count,) position of the first frame in which `holds`, (n,), is true, or `NEVER`."""
+        first = np.full(self.count, NEVER)
         places = np.flatnonzero(holds)[::-1]
-        found[self.sequence[places]] = places
-        return found
+        first[self.sequence[places]] = places
+        return first
 
 
 @dataclass(frozen=True)
 class Condition:
-    """A text of the constraint language over the variables of a frame; ValueError if it is wrong or never holds."""
+    """A text of the constraint language over the variables of a frame.
+
+    Raises:
+        ValueError: the text is wrong, never holds, or always holds.
+    """
 
     text: str
     space: Space
@@ -61,28 +71,24 @@ class Condition:
     def _clauses(self) -> tuple[Clause, ...]:
         return read_constraint(self.text, self.space.variables)
 
-    def certain(self, categories: Ints) -> Bools:
-        """(n,) where it holds whatever the unknown categories are; a condition with several clauses may hold unnoticed."""
-        return self._all(categories, unknown=False)
+    def holds(self, categories: Ints, unknown: bool) -> Bools:
+        """(n,) whether it holds in each frame.
 
-    def possible(self, categories: Ints) -> Bools:
-        """(n,) where no clause is broken."""
-        return self._all(categories, unknown=True)
-
-    def _all(self, categories: Ints, unknown: bool) -> Bools:
-        def holds(literal: Literal) -> Bools:
-            column = categories[:, literal.variable]
-            return np.where(column < 0, unknown, (column == literal.category) == literal.equal)
-
-        return np.asarray(
-            np.all(
-                [
-                    np.any([holds(literal) for literal in clause], axis=0)
-                    for clause in self._clauses
-                ],
-                axis=0,
-            )
-        )
+        Args:
+            categories: (n, d) category indices, -1 for unknown.
+            unknown: whether an unknown category satisfies a literal. With True, the result says
+                where no clause is broken. With False, where the condition holds whatever the
+                unknown categories are; a condition with several clauses may also hold elsewhere.
+        """
+        result = np.ones(len(categories), dtype=bool)
+        for clause in self._clauses:
+            satisfied = np.zeros(len(categories), dtype=bool)
+            for literal in clause:
+                column = categories[:, literal.variable]
+                equals = (column == literal.category) == literal.equal
+                satisfied |= np.where(column < 0, unknown, equals)
+            result &= satisfied
+        return result
 
 
 class Rule(Protocol):
@@ -100,7 +106,7 @@ class Rule(Protocol):
 
 @dataclass(frozen=True)
 class Then:
-    """Whether one condition holds in a frame, and another in a later frame, at most `within_s` seconds later."""
+    """Whether a condition holds in a frame, and another in a frame at most `within_s` s later."""
 
     first: Condition
     then: Condition
@@ -108,17 +114,18 @@ class Then:
     labels = ("no", "yes")
 
     def outcomes(self, frames: Frames) -> Ints:
-        certain = self._found(frames, Condition.certain)
-        return np.where(certain, 1, np.where(self._found(frames, Condition.possible), UNKNOWN, 0))
+        certain = self._holds(frames, unknown=False)
+        return np.where(certain, 1, np.where(self._holds(frames, unknown=True), UNKNOWN, 0))
 
-    def _found(self, frames: Frames, where: Callable[[Condition, Ints], Bools]) -> Bools:
-        places = np.arange(len(frames.time_s))
-        # Of all frames before one, the last in which the first condition holds is the nearest.
-        last = np.maximum.accumulate(np.where(where(self.first, frames.categories), places, -1))
+    def _holds(self, frames: Frames, unknown: bool) -> Bools:
+        first = self.first.holds(frames.categories, unknown)
+        then = self.then.holds(frames.categories, unknown)
+        # The nearest earlier frame in which the first condition holds is the last one so far.
+        last = np.maximum.accumulate(np.where(first, np.arange(len(first)), -1))
         before = np.concatenate([[-1], last])[: len(last)]
         same = (before >= 0) & (frames.sequence[before] == frames.sequence)
         near = frames.time_s - frames.time_s[before] <= self.within_s + RESOLUTION_S
-        return frames.any(same & near & where(self.then, frames.categories))
+        return frames.any(same & near & then)
 
 
 @dataclass(frozen=True)
@@ -130,22 +137,17 @@ class Course:
 
     def outcomes(self, frames: Frames) -> Ints:
         column = frames.categories[:, self.variable]
-        known = column >= 0
-        level, sequence = column[known], frames.sequence[known]
-        # Levels higher, or lower, than those of all sequences before, so that the extremes so far begin anew with each.
+        observed = column >= 0
+        level, sequence = column[observed], frames.sequence[observed]
+        # Shifted levels are higher, or lower, than those of all earlier sequences, so that the
+        # extremes so far begin anew with each sequence.
         apart = sequence * (column.max(initial=0) + 1)
-        rises = self._per_sequence(
-            level - apart > np.minimum.accumulate(level - apart), sequence, frames.count
-        )
-        falls = self._per_sequence(
-            level + apart < np.maximum.accumulate(level + apart), sequence, frames.count
-        )
-        outcome = rises + 2 * falls
-        return np.where(frames.any(~known) & (outcome < 3), UNKNOWN, outcome)
-
-    @staticmethod
-    def _per_sequence(holds: Bools, sequence: Ints, count: int) -> Ints:
-        return (np.bincount(sequence, holds, count) > 0).astype(np.int64)
+        rises = level - apart > np.minimum.accumulate(level - apart)
+        falls = level + apart < np.maximum.accumulate(level + apart)
+        outcome = np.zeros(frames.count, dtype=np.int64)
+        for changes, code in ((rises, 1), (falls, 2)):
+            outcome += code * (np.bincount(sequence, changes, frames.count) > 0)
+        return np.where(frames.any(~observed) & (outcome < 3), UNKNOWN, outcome)
 
 
 @dataclass(frozen=True)
@@ -164,48 +166,47 @@ class Order:
     )
 
     def outcomes(self, frames: Frames) -> Ints:
-        ends = (Condition.certain, Condition.possible)
-        first, second = (
-            [frames.first(where(one, frames.categories)) for where in ends]
-            for one in (self.first, self.second)
-        )
-        corners = np.array([self._outcome(a, b) for a, b in product(first, second)])
-        return np.where((corners == corners[0]).all(axis=0), corners[0], UNKNOWN)
-
-    @staticmethod
-    def _outcome(first: Ints, second: Ints) -> Ints:
-        chosen = [
-            (first == NEVER) & (second == NEVER),
-            second == NEVER,
-            first == NEVER,
-            first < second,
-            first > second,
-        ]
-        return np.select(chosen, range(len(chosen)), len(chosen))
+        # Unknown categories leave the first frames open; the order is known if no choice matters.
+        orders = []
+        for unknown in product((False, True), repeat=2):
+            first = frames.first(self.first.holds(frames.categories, unknown[0]))
+            second = frames.first(self.second.holds(frames.categories, unknown[1]))
+            cases = [
+                (first == NEVER) & (second == NEVER),
+                second == NEVER,
+                first == NEVER,
+                first < second,
+                first > second,
+            ]
+            orders.append(np.select(cases, range(len(cases)), len(cases)))
+        return np.where((np.array(orders) == orders[0]).all(axis=0), orders[0], UNKNOWN)
 
 
 @dataclass(frozen=True)
 class Throughout:
-    """The category of a variable that stays the same over a sequence; unknown where it changes, or where a frame leaves it open."""
+    """The category of a variable that stays the same over a sequence.
+
+    Unknown where it changes, or where a frame leaves it open.
+    """
 
     variable: int
     labels: tuple[str, ...]
 
     def outcomes(self, frames: Frames) -> Ints:
         column = frames.categories[:, self.variable]
-        known = column >= 0
+        observed = column >= 0
         low, high = np.full(frames.count, NEVER), np.full(frames.count, UNKNOWN, np.int64)
-        np.minimum.at(low, frames.sequence[known], column[known])
-        np.maximum.at(high, frames.sequence[known], column[known])
-        return np.where((low == high) & ~frames.any(~known), high, UNKNOWN)
+        np.minimum.at(low, frames.sequence[observed], column[observed])
+        np.maximum.at(high, frames.sequence[observed], column[observed])
+        return np.where((low == high) & ~frames.any(~observed), high, UNKNOWN)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SequenceSpace(Space):
     """A space whose points are sequences of frames.
 
-    frames: the space of a frame. rules: how each variable is computed from a sequence. time, sequence: columns of a table of frames, the
-    second None if the table is one sequence.
+    frames: the space of a frame. rules: how each variable is computed from a sequence.
+    time, sequence: columns of a table of frames; `sequence` is None if the table is one sequence.
     """
 
     frames: Space

@@ -1,4 +1,4 @@
-"""Shards: equal parts of a campaign whose strategy does not learn, so that several machines can share it."""
+"""Shards: equal parts of a campaign, so that several machines can share it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Shard:
-    """One of `count` parts of a campaign; number: from 0. Its name is its number from 1 and the count, as in `3of16`."""
+    """A part of a campaign whose strategy does not learn.
+
+    number: from 0. count: of the campaign's shards. Its name counts from 1, as in `3of16`.
+    """
 
     number: int
     count: int
@@ -29,12 +32,16 @@ class Shard:
 
     @staticmethod
     def of(tests: int, count: int) -> list[Shard]:
-        """The shards of a campaign: `count`, but at most one a test; none if the whole campaign is one job."""
+        """The shards of a campaign, at most one a test; none if a single job executes all tests."""
         shared = min(tests, count)
         return [Shard(number, shared) for number in range(shared)] if shared > 1 else []
 
     def tests(self, total: int) -> range:
-        """The indices of its tests in a campaign of `total` tests; the shards' ranges follow each other."""
+        """The indices of its tests in a campaign of `total` tests.
+
+        >>> Shard.named("2of3").tests(10)
+        range(3, 6)
+        """
         return range(total * self.number // self.count, total * (self.number + 1) // self.count)
 
     def __str__(self) -> str:

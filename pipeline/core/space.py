@@ -1,34 +1,56 @@
-"""A space S = S1 x ... x Sn of variables with constraints (thesis Def. 4.2; Cheng et al., Def. 1) and its encoding as arrays."""
+"""A space S = S1 x ... x Sn of variables with constraints, and its encoding as arrays.
+
+Source: thesis Def. 4.2; Cheng et al., Def. 1.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import getitem
 from typing import Any
 
 import numpy as np
 
 from pipeline.core.constraint_language import read_constraint
-from pipeline.core.constraints import Clause, Constraints, contradiction, parse_literal
+from pipeline.core.constraints import Bools, Clause, Constraints, contradiction, parse_literal
 from pipeline.core.coverage.mixed import NOTHING, Extras
 from pipeline.core.rejection import feasible
 from pipeline.core.variable import Floats, Ints, Kind, Value, Variable
 
 __all__ = ["Floats", "Ints", "Kind", "Space", "Value", "Variable", "Written"]
 Written = str | tuple[str, ...]
-"""A constraint: a text of the constraint language, or a clause, of which one literal `variable = category` or `variable != category`
-must hold."""
+"""A constraint: a text of the constraint language, or a clause.
+
+A clause lists literals, `variable = category` or `variable != category`; at least one must hold.
+"""
 
 
 @dataclass(frozen=True)
 class Space:
-    """Variables, and constraints that every point must satisfy. Points are (n, d) float64 arrays, columns in the order of `variables`.
+    """Variables, and constraints that every point must satisfy.
 
-    clauses: the constraints as they are written. extras: what coverage wants in addition to every combination of any k variables.
+    Points are (n, d) float64 arrays, columns in the order of `variables`.
 
-    Raises ValueError for a duplicate name, a wrong constraint, constraints that contradict each other, and a wanted combination that breaks
-    them.
+    Args:
+        variables: with distinct names.
+        clauses: the constraints as they are written.
+        extras: what coverage wants in addition to every combination of any k variables.
+
+    Raises:
+        ValueError: a duplicate name, a wrong constraint, constraints that contradict each other,
+            or a wanted combination that breaks them.
+
+    >>> fog = Variable("fog", "continuous", "%", low=0, high=100, step=50)
+    >>> lamp = Variable("lamp", "categorical", values=("on", "off"))
+    >>> space = Space((fog, lamp), ("if fog >= 50 then lamp = on",))
+    >>> space.encode({"fog": 20, "lamp": "off"}).tolist()
+    [20.0, 1.0]
+    >>> space.decode(space.sample(1, np.random.default_rng(0))[0])["lamp"]
+    'on'
+    >>> space.violation(np.array([[20, 1], [80, 1]]))
+    (1, "breaks the constraint 'if fog >= 50 then lamp = on': fog = 80, lamp = off")
     """
 
     variables: tuple[Variable, ...]
@@ -39,20 +61,18 @@ class Space:
         if not self.variables or len(set(self.names)) != len(self.names):
             raise ValueError(f"a space needs variables with distinct names, got {self.names}")
         if self.clauses and not self.constraints.satisfiable({}):
-            core = [self.clauses[i] for i in contradiction(self.sizes, self._compiled)]
-            listed = "; ".join(
-                one if isinstance(one, str) else f"[{', '.join(one)}]" for one in core
-            )
+            core = []
+            for index in contradiction(self.sizes, self._compiled):
+                written = self.clauses[index]
+                core.append(written if isinstance(written, str) else f"[{', '.join(written)}]")
             raise ValueError(
-                f"constraints: these contradict each other, so no point is left: {listed}"
+                f"constraints: these contradict each other, so no point is left: {'; '.join(core)}"
             )
-        for one in self.extras.combinations:
-            if not self.constraints.satisfiable(
-                dict(zip(one.variables, one.categories, strict=True))
-            ):
-                raise ValueError(
-                    f"combinations: the constraints leave no point with {self.cell(one.variables, one.categories)}"
-                )
+        for wanted in self.extras.combinations:
+            fixed = dict(zip(wanted.variables, wanted.categories, strict=True))
+            if not self.constraints.satisfiable(fixed):
+                cell = self.cell(wanted.variables, wanted.categories)
+                raise ValueError(f"combinations: the constraints leave no point with {cell}")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,38 +96,45 @@ class Space:
     @cached_property
     def constraints(self) -> Constraints:
         """The clauses of all constraints, by the indices of variables and categories."""
-        return Constraints(
-            self.sizes, tuple(clause for clauses in self._compiled for clause in clauses)
-        )
+        clauses = tuple(clause for clauses in self._compiled for clause in clauses)
+        return Constraints(self.sizes, clauses)
 
     @cached_property
     def _compiled(self) -> tuple[tuple[Clause, ...], ...]:
         """The clauses of each constraint."""
         labels = {variable.name: variable.labels for variable in self.variables}
-        return tuple(
-            read_constraint(one, self.variables)
-            if isinstance(one, str)
-            else (tuple(parse_literal(text, labels) for text in one),)
-            for one in self.clauses
-        )
+        compiled: list[tuple[Clause, ...]] = []
+        for written in self.clauses:
+            if isinstance(written, str):
+                compiled.append(read_constraint(written, self.variables))
+            else:
+                compiled.append((tuple(parse_literal(text, labels) for text in written),))
+        return tuple(compiled)
 
     def __len__(self) -> int:
         return len(self.variables)
 
     def sample(self, count: int, rng: np.random.Generator) -> Floats:
-        """(count, d) feasible points, independent and uniform (thesis Table 6.1, row 1); InputError if the constraints leave hardly any."""
+        """Independent, uniform feasible points (thesis Table 6.1, row 1).
+
+        Args:
+            count: number of points.
+            rng: source of randomness.
+
+        Returns:
+            (count, d) points.
+
+        Raises:
+            InputError: the constraints leave hardly any point.
+        """
 
         def draw(size: int) -> Floats:
             return self.scale(rng.random((size, len(self))))
 
-        if not self.clauses:
-            return draw(count)
-        return feasible(
-            draw,
-            lambda points: self.constraints.holds(self.categorise(points)),
-            count,
-            "the whole space",
-        )
+        def holds(points: Floats) -> Bools:
+            return self.constraints.holds(self.categorise(points))
+
+        return feasible(draw, holds, count, "the whole space") if self.clauses else draw(count)
 
     def scale(self, unit: Floats) -> Floats:
         """Convert (n, d) numbers in [0, 1) to points."""
@@ -129,7 +156,7 @@ class Space:
         )
 
     def cell(self, variables: Sequence[int], categories: Sequence[int]) -> str:
-        """A combination of categories in words."""
+        """A combination of categories in words, as `fog = 50, lamp = on`; both by index."""
         return ", ".join(
             f"{self.names[v]} = {self.variables[v].labels[c]}"
             for v, c in zip(variables, categories, strict=True)
@@ -138,32 +165,49 @@ class Space:
     def clause(self, index: int) -> str:
         """The constraint that a clause belongs to, in words."""
         ends = np.cumsum([len(clauses) for clauses in self._compiled])
-        one = self.clauses[int(np.searchsorted(ends, index, side="right"))]
-        return one if isinstance(one, str) else " or ".join(one)
+        written = self.clauses[int(np.searchsorted(ends, index, side="right"))]
+        return written if isinstance(written, str) else " or ".join(written)
 
     def violation(self, points: Floats) -> tuple[int, str] | None:
-        """Text that names the first of (n, d) points that breaks a clause, the clause and the point's values; None if no point breaks
-        one."""
+        """The first point that breaks a constraint.
+
+        Args:
+            points: (n, d).
+
+        Returns:
+            The point's row, and a text that names the constraint and the point's values; None if
+            no point breaks a constraint.
+        """
         broken = self.constraints.first_broken(self.categorise(points)) if self.clauses else None
         if broken is None:
             return None
         row, index = broken
-        concrete, named = (
-            self.decode(points[row]),
-            {literal.variable for literal in self.constraints.clauses[index]},
-        )
-        values = ", ".join(
-            f"{self.names[v]} = {_shown(concrete[self.names[v]])}" for v in sorted(named)
-        )
-        return row, f"breaks the constraint '{self.clause(index)}': {values}"
+        concrete = self.decode(points[row])
+        values = []
+        for v in sorted({literal.variable for literal in self.constraints.clauses[index]}):
+            value = concrete[self.names[v]]
+            values.append(
+                f"{self.names[v]} = {value if isinstance(value, str) else format(value, 'g')}"
+            )
+        return row, f"breaks the constraint '{self.clause(index)}': {', '.join(values)}"
 
     def encode(self, concrete: Mapping[str, Value]) -> Floats:
-        """Convert a concrete scenario to a (d,) point; ValueError for a missing, unknown or out-of-range variable and a broken
-        constraint."""
+        """The point of a concrete scenario.
+
+        Args:
+            concrete: value of every variable, by name.
+
+        Returns:
+            (d,) point.
+
+        Raises:
+            ValueError: a missing, unknown or out-of-range variable, or a broken constraint.
+        """
         if set(concrete) != set(self.names):
             missing, unknown = set(self.names) - set(concrete), set(concrete) - set(self.names)
             raise ValueError(
-                f"variables must be {list(self.names)}; missing {sorted(missing)}, unknown {sorted(unknown)}"
+                f"variables must be {list(self.names)}; "
+                f"missing {sorted(missing)}, unknown {sorted(unknown)}"
             )
         point = np.array([v.encode(concrete[v.name]) for v in self.variables])
         if broken := self.violation(point[None]):
@@ -176,25 +220,26 @@ class Space:
 
     def names_of(self, categories: Ints) -> list[dict[str, str]]:
         """Convert (n, d) category indices to the names of the categories, by variable."""
+        labels = [variable.labels for variable in self.variables]
         return [
-            {v.name: v.labels[int(c)] for v, c in zip(self.variables, row, strict=True)}
-            for row in categories
+            dict(zip(self.names, map(getitem, labels, row), strict=True))
+            for row in categories.tolist()
         ]
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
-        """The variables as plain data, `name: {kind, unit, ...}`, in order; `from_dict` reads it back."""
+        """The variables as plain data, `name: {kind, ...}`, in order; `from_dict` reads it back."""
         return {v.name: v.to_dict() for v in self.variables}
 
     @staticmethod
     def from_dict(
         variables: Mapping[str, Mapping[str, Any]], clauses: Sequence[str | Sequence[str]] = ()
     ) -> Space:
-        """A space of variables as `to_dict` writes them, with constraints."""
-        written = tuple(one if isinstance(one, str) else tuple(one) for one in clauses)
+        """A space of variables as `to_dict` writes them, with constraints.
+
+        Raises:
+            ValueError: as `Variable.from_dict` and `Space` do.
+        """
         return Space(
-            tuple(Variable.from_dict(name, body) for name, body in variables.items()), written
+            tuple(Variable.from_dict(name, body) for name, body in variables.items()),
+            tuple(written if isinstance(written, str) else tuple(written) for written in clauses),
         )
-
-
-def _shown(value: Value) -> str:
-    return value if isinstance(value, str) else f"{value:g}"

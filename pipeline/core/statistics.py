@@ -13,7 +13,7 @@ TOLERANCE = 1e-9
 
 
 def _distributions() -> Any:
-    """SciPy's, imported late: that takes most of a second, and planning a study needs none of them."""
+    """SciPy's, imported late: that takes most of a second, and planning a study needs none."""
     from scipy import stats
 
     return stats
@@ -21,7 +21,11 @@ def _distributions() -> Any:
 
 @dataclass(frozen=True)
 class Paired:
-    """Two model versions on the same tests: `fixes` fail only before, `regressions` only after. p_value: see `mcnemar_p_value`."""
+    """Two model versions on the same tests.
+
+    fixes: tests that only the first version fails. regressions: tests that only the second fails.
+    p_value: of the exact McNemar test, see `mcnemar_p_value`.
+    """
 
     fixes: int
     regressions: int
@@ -29,10 +33,25 @@ class Paired:
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval of a proportion, within [0, 1]; (0, 1) for no trials. Source: Wilson 1927.
+    """Wilson's score interval of a proportion (Wilson 1927).
 
-    It holds for independent trials of equal probability, such as random tests; not for tests that a strategy chose by earlier results, nor
-    for a covering array.
+    It holds for independent trials of equal probability, such as random tests; not for tests that
+    a strategy chose by earlier results, nor for a covering array.
+
+    Args:
+        successes: in [0, trials].
+        trials: from 0.
+        confidence: in (0, 1).
+
+    Returns:
+        Lower and upper limit, in [0, 1]; (0, 1) without trials.
+
+    Raises:
+        ValueError: successes or confidence out of range.
+
+    >>> low, high = wilson_interval(5, 10)
+    >>> round(low, 3), round(high, 3)
+    (0.237, 0.763)
     """
     if not 0 <= successes <= trials:
         raise ValueError(f"successes must be in [0, {trials}], got {successes}")
@@ -55,11 +74,27 @@ def mean_interval(
     limits: tuple[float, float] = (-np.inf, np.inf),
     least_spread: float = 0.0,
 ) -> tuple[float, float]:
-    """Student's t interval of the mean of (n,) finite values, one per seed. limits: possible range of the mean. least_spread: the smallest
-    standard deviation to believe.
+    """Student's t interval of a mean over seeds.
 
-    For two or three seeds it is wide: resampling so few would give little more than the smallest and the largest value. A single value
-    gives (value, value): one seed says nothing about the spread, so show n beside the interval.
+    For two or three seeds it is wide: resampling so few would give little more than the smallest
+    and the largest value. A single seed says nothing about the spread, so show n beside the
+    interval.
+
+    Args:
+        values: (n,) finite numbers, one a seed, n from 1.
+        confidence: in (0, 1).
+        limits: possible range of the mean.
+        least_spread: smallest standard deviation to assume.
+
+    Returns:
+        Lower and upper limit; (value, value) for a single value.
+
+    Raises:
+        ValueError: no values, values that are not finite, or confidence out of range.
+
+    >>> low, high = mean_interval([1.0, 2.0, 3.0])
+    >>> round(low, 2), round(high, 2)
+    (-0.48, 4.48)
     """
     sample = np.asarray(values, dtype=float)
     if sample.ndim != 1 or not len(sample) or not np.isfinite(sample).all():
@@ -69,18 +104,18 @@ def mean_interval(
     if len(sample) == 1:
         return mean, mean
     spread = max(sample.std(ddof=1), least_spread)
-    half = float(
-        _distributions().t.ppf((1 + confidence) / 2, len(sample) - 1)
-        * spread
-        / np.sqrt(len(sample))
-    )
+    quantile = _distributions().t.ppf((1 + confidence) / 2, len(sample) - 1)
+    half = float(quantile * spread / np.sqrt(len(sample)))
     return max(mean - half, limits[0]), min(mean + half, limits[1])
 
 
 def bootstrap_mean(
     values: ArrayLike, rng: np.random.Generator, confidence: float
 ) -> tuple[float, float]:
-    """Percentile bootstrap interval of the mean of (n,) values, one per seed (Efron & Tibshirani 1993, section 13.3)."""
+    """Percentile bootstrap interval of the mean of (n,) values, one a seed.
+
+    Source: Efron & Tibshirani 1993, section 13.3. For details see `bootstrap_ratio`.
+    """
     return bootstrap_ratio(values, np.ones(np.shape(values)), rng, confidence)
 
 
@@ -91,20 +126,31 @@ def bootstrap_ratio(
     confidence: float = 0.95,
     draws: int = 10_000,
 ) -> tuple[float, float]:
-    """Percentile bootstrap interval of the ratio of two means, for (n,) paired values at least 0: each draw resamples the pairs.
+    """Percentile bootstrap interval of the ratio of two means; each draw resamples the pairs.
 
-    A draw whose reference is 0 gives infinity; one with 0 over 0 says nothing and is left out. (NaN, NaN) if every draw is. Percentiles are
-    values of draws, never between two of them.
+    Args:
+        values: (n,) finite numbers from 0, n from 1.
+        reference: (n,) finite numbers from 0, paired with the values.
+        rng: source of randomness.
+        confidence: in (0, 1).
+        draws: number of resamples.
+
+    Returns:
+        Lower and upper limit, both the ratio of a draw, never between two. A draw whose reference
+        is 0 gives infinity; a draw of 0 over 0 is left out. (NaN, NaN) if every draw is.
+
+    Raises:
+        ValueError: values and reference do not match, or confidence is out of range.
+
+    >>> bootstrap_ratio([2, 4], [1, 2], np.random.default_rng(0))
+    (2.0, 2.0)
     """
     above, below = np.asarray(values, dtype=float), np.asarray(reference, dtype=float)
-    if (
-        above.shape != below.shape
-        or above.ndim != 1
-        or not len(above)
-        or not (np.isfinite(above) & np.isfinite(below)).all()
-    ):
+    is_list = above.shape == below.shape and above.ndim == 1 and len(above) > 0
+    if not is_list or not (np.isfinite(above) & np.isfinite(below)).all():
         raise ValueError(
-            f"values and reference must be equally many finite numbers, one or more, got {above} and {below}"
+            "values and reference must be equally many finite numbers, one or more, "
+            f"got {above} and {below}"
         )
     _check_confidence(confidence)
     rows = rng.integers(len(above), size=(draws, len(above)))
@@ -113,33 +159,44 @@ def bootstrap_ratio(
     ratios = ratios[~np.isnan(ratios)]
     if not len(ratios):
         return np.nan, np.nan
-    low, high = np.quantile(
-        ratios, [(1 - confidence) / 2, (1 + confidence) / 2], method="inverted_cdf"
-    )
+    quantiles = [(1 - confidence) / 2, (1 + confidence) / 2]
+    low, high = np.quantile(ratios, quantiles, method="inverted_cdf")
     return float(low), float(high)
 
 
 def vargha_delaney(first: ArrayLike, second: ArrayLike) -> float:
-    """The probability A12 that a value of `first` (n,) is larger than one of `second` (m,), ties counted half, in [0, 1].
+    """The probability A12 that a value of `first` is larger than a value of `second`.
 
-    0.5 means no difference. Source: Vargha & Delaney 2000, Eq. 13.
+    Source: Vargha & Delaney 2000, Eq. 13.
+
+    Args:
+        first: (n,) numbers, n from 1.
+        second: (m,) numbers, m from 1.
+
+    Returns:
+        In [0, 1], ties counted half; 0.5 means no difference.
+
+    Raises:
+        ValueError: an empty list, or NaN among the numbers.
+
+    >>> vargha_delaney([3, 4], [1, 3])
+    0.875
     """
     a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    if (
-        a.ndim != 1
-        or b.ndim != 1
-        or not len(a)
-        or not len(b)
-        or np.isnan(a).any()
-        or np.isnan(b).any()
-    ):
-        raise ValueError(f"first and second must be lists of one or more numbers, got {a} and {b}")
+    for values in (a, b):
+        if values.ndim != 1 or not len(values) or np.isnan(values).any():
+            raise ValueError(
+                f"first and second must be lists of one or more numbers, got {a} and {b}"
+            )
     return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)))
 
 
 @dataclass(frozen=True)
 class CensoredMean:
-    """A mean over campaigns and the limits of its interval; `censored` of their values are only known to be larger than observed."""
+    """A mean over campaigns and the limits of its interval.
+
+    censored: number of values that are only known to be larger than observed.
+    """
 
     value: float
     low: float
@@ -150,40 +207,49 @@ class CensoredMean:
 def censored_mean(
     values: ArrayLike, reached: ArrayLike, confidence: float = 0.95, least: float = 0.0
 ) -> CensoredMean:
-    """Mean of (n,) values at least 0, one per seed, restricted to the largest of them (Kaplan & Meier 1958, section 6.1).
+    """Mean of values of which some are right-censored: the true ones are larger.
 
-    reached: (n,) whether a value is exact; if not, it is right-censored: the true one is larger. Dropping censored values would favour a
-    strategy that fails to find anything in its bad campaigns. The interval is Student's over the jackknife's pseudo-values (Andersen, Klein
-    & Rosthøj 2003); without censoring they are the values, and the result is the plain mean with `mean_interval`. least: lower limit of the
-    mean; with a censored value, the largest one is its upper limit. If all values are censored, the estimate is the largest of them, as a
-    lower bound, without an interval. If all pseudo-values are equal, both limits are the estimate.
+    Dropping censored values would favour a strategy that fails to find anything in its bad
+    campaigns. So the mean is the area under the Kaplan-Meier curve, up to the largest value
+    (Kaplan & Meier 1958, section 6.1). The interval is Student's over the jackknife's
+    pseudo-values (Andersen, Klein & Rosthøj 2003). Without censoring, the result is the plain mean
+    with `mean_interval`. The estimate assumes that a censored value is no different from the
+    others that got as far.
 
-    The estimate assumes that a censored value is no different from the others that got as far.
+    Args:
+        values: (n,) finite numbers from 0, one a seed, n from 1.
+        reached: (n,) whether a value is exact; else it is censored.
+        confidence: in (0, 1).
+        least: lower limit of the mean. With a censored value, the largest one is its upper limit.
+
+    Returns:
+        The mean and its interval. If all values are censored, the largest of them, without an
+        interval. If all pseudo-values are equal, both limits are the estimate.
+
+    Raises:
+        ValueError: values and flags do not match, or confidence is out of range.
+
+    >>> mean = censored_mean([10, 30, 50], [True, True, False])
+    >>> round(mean.value, 3), mean.censored
+    (30.0, 1)
     """
     sample, exact = np.asarray(values, dtype=float), np.asarray(reached, dtype=bool)
-    if (
-        sample.shape != exact.shape
-        or sample.ndim != 1
-        or not len(sample)
-        or not np.isfinite(sample).all()
-        or (sample < 0).any()
-    ):
+    is_list = sample.shape == exact.shape and sample.ndim == 1 and len(sample) > 0
+    if not is_list or not np.isfinite(sample).all() or (sample < 0).any():
         raise ValueError(
-            f"values must be one or more finite numbers from 0 and as many flags, got {sample} and {exact}"
+            "values must be one or more finite numbers from 0 and as many flags, "
+            f"got {sample} and {exact}"
         )
     count, limit = len(sample), float(sample.max())
     mean = _area(sample, exact, limit)
-    without = (
-        np.array([_area(np.delete(sample, i), np.delete(exact, i), limit) for i in range(count)])
-        if count > 1
-        else np.zeros(1)
-    )
-    highest = np.inf if exact.all() else limit
-    low, high = (
-        mean_interval(count * mean - (count - 1) * without, confidence, (least, highest))
-        if exact.any()
-        else (mean, mean)
-    )
+    without = np.zeros(count)
+    for i in range(count if count > 1 else 0):
+        without[i] = _area(np.delete(sample, i), np.delete(exact, i), limit)
+    low, high = mean, mean
+    if exact.any():
+        pseudo_values = count * mean - (count - 1) * without
+        limits = (least, np.inf if exact.all() else limit)
+        low, high = mean_interval(pseudo_values, confidence, limits)
     return CensoredMean(mean, low, high, int((~exact).sum()))
 
 
@@ -195,35 +261,71 @@ def _area(values: NDArray[np.float64], exact: NDArray[np.bool_], limit: float) -
 
 
 def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
-    """Compare two versions on the same tests: (n,) failures of each, in the same order (exact McNemar test)."""
+    """Compare two versions on the same tests by the exact McNemar test.
+
+    Args:
+        before: (n,) whether the first version fails each test.
+        after: (n,) whether the second version fails it.
+
+    Raises:
+        ValueError: the lists have different lengths.
+
+    >>> mcnemar([True, True, True, False], [False, False, False, False])
+    Paired(fixes=3, regressions=0, p_value=0.25)
+    """
     first, second = np.asarray(before, dtype=bool), np.asarray(after, dtype=bool)
     if first.shape != second.shape or first.ndim != 1:
         raise ValueError(
-            f"before and after must be lists of equal length, got shapes {first.shape} and {second.shape}"
+            "before and after must be lists of equal length, "
+            f"got shapes {first.shape} and {second.shape}"
         )
     fixes, regressions = int(np.sum(first & ~second)), int(np.sum(~first & second))
     return Paired(fixes, regressions, mcnemar_p_value(fixes, regressions))
 
 
 def mcnemar_p_value(fixes: int, regressions: int) -> float:
-    """Two-sided p-value of the exact McNemar test, in [0, 1]: the probability of a split at least this uneven if both versions were equal.
+    """Two-sided p-value of the exact McNemar test.
 
-    fixes, regressions: number of tests that only one, and only the other version fails.
+    Args:
+        fixes: number of tests that only the first version fails.
+        regressions: number of tests that only the second version fails.
+
+    Returns:
+        Probability of a split at least this uneven if both versions were equal, in [0, 1].
+
+    >>> mcnemar_p_value(5, 0)
+    0.0625
     """
     discordant = fixes + regressions
     return float(_distributions().binomtest(fixes, discordant).pvalue) if discordant else 1.0
 
 
 def paired_rise_limit(regressions: int, fixes: int, tests: int, confidence: float) -> float:
-    """One-sided upper confidence limit of the rise of a failure rate between two versions on the same tests, in [-1, 1]; 1 without tests.
+    """Upper confidence limit of the rise of a failure rate between two versions.
 
-    regressions, fixes: number of tests that only the second, and only the first version fails. It is the largest rise that Tango's score
-    test does not reject at 1 - confidence. Without regressions and fixes, it is z² / (tests + z²). Source: Tango 1998, Statistics in
-    Medicine 17:891.
+    It is the largest rise that Tango's score test does not reject at 1 - confidence. Without
+    regressions and fixes, it is z² / (tests + z²). Source: Tango 1998, Statistics in Medicine
+    17:891.
+
+    Args:
+        regressions: number of tests that only the second version fails.
+        fixes: number of tests that only the first version fails.
+        tests: number of tests, the same for both versions.
+        confidence: one-sided, in (0, 1).
+
+    Returns:
+        The limit as a share of tests, in [-1, 1]; 1 without tests.
+
+    Raises:
+        ValueError: counts or confidence out of range.
+
+    >>> round(paired_rise_limit(0, 0, 100, 0.95), 4)
+    0.0263
     """
     if min(regressions, fixes) < 0 or regressions + fixes > tests:
         raise ValueError(
-            f"regressions and fixes must be counts among {tests} tests, got {regressions} and {fixes}"
+            f"regressions and fixes must be counts among {tests} tests, "
+            f"got {regressions} and {fixes}"
         )
     _check_confidence(confidence)
     if tests == 0:
@@ -233,9 +335,8 @@ def paired_rise_limit(regressions: int, fixes: int, tests: int, confidence: floa
     # The score falls as the rise grows. 60 halvings leave an interval of less than 1e-17.
     for _ in range(60):
         rise = (low + high) / 2
-        if regressions - fixes - tests * rise >= -z * _rise_deviation(
-            regressions, fixes, tests, rise
-        ):
+        deviation = _rise_deviation(regressions, fixes, tests, rise)
+        if regressions - fixes - tests * rise >= -z * deviation:
             low = rise
         else:
             high = rise
@@ -243,7 +344,7 @@ def paired_rise_limit(regressions: int, fixes: int, tests: int, confidence: floa
 
 
 def _rise_deviation(regressions: int, fixes: int, tests: int, rise: float) -> float:
-    """Standard deviation of regressions minus fixes if the true rise is `rise`, with the most likely share of fixes (Tango 1998)."""
+    """Deviation of regressions minus fixes for a true rise and the most likely share of fixes."""
     b = (2 * tests - regressions + fixes) * rise - regressions - fixes
     c = -fixes * rise * (1 - rise)
     # Rounding can take a root of zero below it.
@@ -252,12 +353,27 @@ def _rise_deviation(regressions: int, fixes: int, tests: int, rise: float) -> fl
 
 
 def sign_flip(differences: ArrayLike) -> float:
-    """Exact two-sided p-value of (n,) whole differences, one per test: how often their sum is at least as far from 0 if each sign is
-    equally likely (Fisher's randomisation test). For two versions, with differences -1, 0 and 1, it equals the exact McNemar test."""
+    """Exact two-sided p-value of Fisher's randomisation test on differences.
+
+    For two versions, with differences -1, 0 and 1, it equals the exact McNemar test.
+
+    Args:
+        differences: (n,) whole numbers, one a test.
+
+    Returns:
+        How often their sum is at least as far from 0 if each sign is equally likely, in [0, 1].
+
+    Raises:
+        ValueError: the differences are no list of whole numbers.
+
+    >>> sign_flip([1, 1, 1, 0, -1])
+    0.625
+    """
     values = np.asarray(differences)
     if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
         raise ValueError(
-            f"differences must be a list of whole numbers, got shape {values.shape} of {values.dtype}"
+            "differences must be a list of whole numbers, "
+            f"got shape {values.shape} of {values.dtype}"
         )
     sizes = np.abs(values[values != 0])
     reach = int(sizes.sum())
@@ -270,16 +386,31 @@ def sign_flip(differences: ArrayLike) -> float:
 
 
 def one_against_several(failed: ArrayLike, others: ArrayLike, size: int) -> float:
-    """Exact two-sided p-value of one version against `size` others on the same tests, if all of them are alike.
+    """Exact two-sided p-value of one version against several others on the same tests.
 
-    failed: (n,) bool, of the one. others: (n,) number of the others that fail. Whichever versions fail a test, the one is then any of the
-    size + 1 with equal chances (Fisher's randomisation test). The statistic is how far its number of failures is from the expected one. For
-    one other version, it equals the exact McNemar test.
+    If all versions are alike, the failures of a test fall on any of them with equal chances
+    (Fisher's randomisation test). The statistic is the distance of the version's number of
+    failures from the expected one. For one other version, it equals the exact McNemar test.
+
+    Args:
+        failed: (n,) whether the version fails each test.
+        others: (n,) number of the other versions that fail it, in [0, size].
+        size: number of other versions.
+
+    Returns:
+        The p-value, in [0, 1].
+
+    Raises:
+        ValueError: the lists do not match, or a count is out of range.
+
+    >>> one_against_several([True, True, True], [0, 0, 0], 2)
+    0.037037037037037035
     """
     first, counts = np.asarray(failed, dtype=bool), np.asarray(others)
     if first.shape != counts.shape or first.ndim != 1 or ((counts < 0) | (counts > size)).any():
         raise ValueError(
-            f"failed and others must be lists of equal length, with counts in [0, {size}], got {first} and {counts}"
+            f"failed and others must be lists of equal length, with counts in [0, {size}], "
+            f"got {first} and {counts}"
         )
     shares = (first + counts) / (size + 1)
     chance = np.ones(1)  # The probability of each number of failures, from 0 on.

@@ -16,11 +16,21 @@ SOLSTICE = -10
 
 
 def altitudes(latitude_deg: float, hours: Sequence[float]) -> tuple[Floats, Floats]:
-    """Altitudes of the sun in degrees and their shares, (n,) and (n,), over a year.
+    """Altitudes of the sun over a year.
 
-    latitude_deg: -90 to 90, north positive. hours: how much counts each hour of the day, 24 numbers from 0, in solar time, so 12 is noon.
-    Source: declination by Cooper's cosine, sin(altitude) = sin φ sin δ + cos φ cos δ cos H (Duffie & Beckman, Solar Engineering of Thermal
-    Processes, section 1.6); the error of half a degree is far below the step of a scenario's altitude.
+    Declination by Cooper's cosine, sin(altitude) = sin φ sin δ + cos φ cos δ cos H (Duffie &
+    Beckman, Solar Engineering of Thermal Processes, section 1.6). The error of half a degree is far
+    below the step of a scenario's altitude.
+
+    Args:
+        latitude_deg: -90 to 90, north positive.
+        hours: weight of each hour of the day, 24 numbers from 0, in solar time, so 12 is noon.
+
+    Returns:
+        Altitudes in degrees and their shares, (n,) and (n,).
+
+    Raises:
+        ValueError: an argument out of range.
     """
     weights = np.asarray(hours, float)
     if weights.shape != (24,) or not (weights >= 0).all() or not weights.sum() > 0:
@@ -31,8 +41,7 @@ def altitudes(latitude_deg: float, hours: Sequence[float]) -> tuple[Floats, Floa
     clock = (np.arange(24 * STEPS) + 0.5)[None] / STEPS
     declination = np.radians(-AXIAL_TILT_DEG * np.cos(2 * np.pi * (day - SOLSTICE) / DAYS))
     turned, latitude = np.radians(15 * (clock - 12)), np.radians(latitude_deg)
-    sine = np.sin(latitude) * np.sin(declination) + np.cos(latitude) * np.cos(declination) * np.cos(
-        turned
-    )
+    sine = np.sin(latitude) * np.sin(declination)
+    sine = sine + np.cos(latitude) * np.cos(declination) * np.cos(turned)
     shares = np.broadcast_to(weights[clock.astype(int)], sine.shape)
     return np.degrees(np.arcsin(np.clip(sine, -1, 1))).ravel(), (shares / shares.sum()).ravel()

@@ -1,4 +1,7 @@
-"""One variable of a space: its values, and the categories that coverage counts (thesis Def. 4.2; Cheng et al., Def. 1)."""
+"""A variable of a space: its values, and the categories that coverage counts.
+
+Source: thesis Def. 4.2; Cheng et al., Def. 1.
+"""
 
 from __future__ import annotations
 
@@ -34,10 +37,6 @@ def _are_numbers(values: Any) -> bool:
     return isinstance(values, list | tuple) and all(map(_is_number, values))
 
 
-def _are_names(values: Any) -> bool:
-    return isinstance(values, list | tuple) and all(isinstance(value, str) for value in values)
-
-
 PLAIN: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
     "kind": (
         f"one of {', '.join(get_args(Kind))}",
@@ -46,7 +45,10 @@ PLAIN: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
     "unit": ("text", lambda value: isinstance(value, str)),
     **dict.fromkeys(("low", "high", "step"), ("a number", _is_number)),
     "cyclic": ("true or false", lambda value: isinstance(value, bool)),
-    "values": ("a list of names", _are_names),
+    "values": (
+        "a list of names",
+        lambda values: isinstance(values, list | tuple) and all(isinstance(v, str) for v in values),
+    ),
     "attributes": (
         "lists of numbers by name",
         lambda value: isinstance(value, Mapping) and all(map(_are_numbers, value.values())),
@@ -59,27 +61,48 @@ PLAIN: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
 
 
 def number_text(number: float) -> str:
-    """The shortest text of a number from which the same number can be read; whole numbers have no point."""
-    return (
-        str(int(number))
-        if float(number).is_integer() and abs(number) < 1e15
-        else repr(float(number))
-    )
+    """The shortest text of a number from which the same number can be read.
+
+    >>> number_text(30.0), number_text(0.1)
+    ('30', '0.1')
+    """
+    if float(number).is_integer() and abs(number) < 1e15:
+        return str(int(number))
+    return repr(float(number))
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable of a space.
+    """A variable of a space; its values are encoded as numbers.
 
-    A categorical variable has `values` and is encoded by their index. `attributes` are known numbers of each value, such as the height of a
-    pedestrian; strategies that learn from results use them to tell which values are alike.
+    Args:
+        name: unique in the space.
+        kind: `categorical`, with `values`; `continuous` or `integer`, with bounds.
+        unit: of the numbers, such as `m/s`; empty for none.
+        low: lower bound, in `unit`.
+        high: upper bound, in `unit`; above `low`.
+        step: distance of the categories low, low + step, ..., in `unit`. A value belongs to the
+            nearest one.
+        cyclic: whether `high` and `low` are the same value, as for an angle. With cuts, the first
+            and the last part are then one category.
+        values: names of the categories of a categorical variable, encoded by their index.
+        attributes: numbers of each value by name, such as the height of a pedestrian, which say
+            what values are alike.
+        cuts: in place of a step, for a continuous variable: its categories are the parts between
+            them. A part includes its lower end, the last part also its upper end.
+        weights: whole number of points wanted in each category; 1 each if empty.
+        mildest: the value that is easiest for a detector.
 
-    A continuous or integer variable has bounds `low` to `high` in `unit`, and a `step`: its categories are the grid values low, low + step,
-    ... (a value belongs to the nearest one). A continuous variable may have `cuts` instead: its categories are the parts between them; a
-    part includes its lower end, the last part also its upper end. A cyclic variable identifies `high` with `low`, so with cuts its first
-    and last parts are one category.
+    Raises:
+        ValueError: the settings contradict each other; the message names the variable.
 
-    weights: whole numbers of points wanted for each category, 1 each by default. mildest: the value that is easiest for a detector.
+    >>> speed = Variable("speed", "continuous", "m/s", low=0, high=3, step=0.5)
+    >>> speed.size, speed.labels[:3]
+    (7, ('0', '0.5', '1'))
+    >>> speed.categorise(np.array([0.2, 0.3, 3.0])).tolist()
+    [0, 1, 6]
+    >>> Variable("fog", "continuous", "%", low=0, high=100, cuts=(20, 50)).labels
+    ('[0, 20)', '[20, 50)', '[50, 100]')
     """
 
     name: str
@@ -97,61 +120,62 @@ class Variable:
 
     def __post_init__(self) -> None:
         problem = self._wrong_values() if self.kind == "categorical" else self._wrong_range()
-        if problem := problem or self._wrong_weights() or self._wrong_mildest():
+        problem = problem or self._wrong_categories()
+        if problem:
             raise ValueError(f"variable '{self.name}': {problem}")
 
     def _wrong_values(self) -> str:
-        if not self.values or len(set(self.values)) != len(self.values):
+        count = len(self.values)
+        if not self.values or len(set(self.values)) != count:
             return f"values must be distinct and not empty, got {self.values}"
         for name, numbers in self.attributes:
-            if len(numbers) != len(self.values):
-                return f"attribute '{name}' must have {len(self.values)} numbers, one a value, got {len(numbers)}"
+            if len(numbers) != count:
+                return (
+                    f"attribute '{name}' must have {count} numbers, one a value, got {len(numbers)}"
+                )
         return ""
 
     def _wrong_range(self) -> str:
+        low, high, step, cuts = self.low, self.high, self.step, self.cuts
         if self.attributes:
             return "only the values of a categorical variable have attributes"
-        if not self.low < self.high:
-            return f"low must be below high, got {self.low} to {self.high}"
-        if self.cuts is not None:
-            return self._wrong_cuts()
-        if self.kind == "integer" and any(
-            number != int(number) for number in (self.low, self.high, self.step)
-        ):
-            return f"low, high and step of an integer must be whole, got {self.low:g}, {self.high:g} and {self.step:g}"
-        if not 0 < self.step <= self.high - self.low:
-            return f"step must be in (0, {self.high - self.low}], got {self.step}"
-        if self.cyclic and abs((self.high - self.low) / self.step - self.size) > TOLERANCE:
-            return f"step must divide the circle of {self.high - self.low:g}, got {self.step}"
+        if not low < high:
+            return f"low must be below high, got {low} to {high}"
+        if cuts is not None:
+            if self.kind == "integer" or step:
+                return "cuts are for a continuous variable without a step"
+            if any(a >= b for a, b in pairwise((low, *cuts, high))):
+                inside = f"({number_text(low)}, {number_text(high)})"
+                return f"cuts must rise inside {inside}, got {list(cuts)}"
+            if self.cyclic and len(cuts) == 1:
+                return f"a cyclic variable needs no cut or at least two, got {list(cuts)}"
+            return ""
+        if self.kind == "integer" and any(number != int(number) for number in (low, high, step)):
+            numbers = f"{low:g}, {high:g} and {step:g}"
+            return f"low, high and step of an integer must be whole, got {numbers}"
+        if not 0 < step <= high - low:
+            return f"step must be in (0, {high - low}], got {step}"
+        if self.cyclic and abs((high - low) / step - self.size) > TOLERANCE:
+            return f"step must divide the circle of {high - low:g}, got {step}"
         return ""
 
-    def _wrong_cuts(self) -> str:
-        assert self.cuts is not None
-        if self.kind == "integer" or self.step:
-            return "cuts are for a continuous variable without a step"
-        if any(a >= b for a, b in pairwise((self.low, *self.cuts, self.high))):
-            return f"cuts must rise inside ({number_text(self.low)}, {number_text(self.high)}), got {list(self.cuts)}"
-        if self.cyclic and len(self.cuts) == 1:
-            return f"a cyclic variable needs no cut or at least two, got {list(self.cuts)}"
-        return ""
-
-    def _wrong_weights(self) -> str:
+    def _wrong_categories(self) -> str:
         if self.weights and len(self.weights) != self.size:
             return f"weights must have {self.size} numbers, one a category, got {len(self.weights)}"
         if any(weight != int(weight) or not 0 <= weight <= HEAVIEST for weight in self.weights):
             return f"weights must be whole numbers from 0 to {HEAVIEST}, got {list(self.weights)}"
-        return ""
-
-    def _wrong_mildest(self) -> str:
-        if self.mildest is not None and isinstance(self.mildest, str) != (
-            self.kind == "categorical"
-        ):
-            return f"mildest must be {'the name of a value' if self.kind == 'categorical' else 'a number'}, got {self.mildest!r}"
+        categorical = self.kind == "categorical"
+        if self.mildest is not None and isinstance(self.mildest, str) != categorical:
+            expected = "the name of a value" if categorical else "a number"
+            return f"mildest must be {expected}, got {self.mildest!r}"
         return ""
 
     @property
     def mild(self) -> float | None:
-        """The mildest value, encoded: the nearest one to it in the range. None if none is declared, or if it is not among the values."""
+        """The mildest value, encoded: the nearest one to it in the range.
+
+        None if none is declared, or if it is not among the values.
+        """
         if self.mildest is None:
             return None
         if isinstance(self.mildest, str):
@@ -165,15 +189,16 @@ class Variable:
             return len(self.values)
         if self.cuts is not None:
             return len(self._parts)
-        return int(np.floor((self.high - self.low) / self.step + TOLERANCE)) + (
-            0 if self.cyclic else 1
-        )
+        steps = int(np.floor((self.high - self.low) / self.step + TOLERANCE))
+        return steps if self.cyclic else steps + 1
 
     @cached_property
     def _parts(self) -> tuple[tuple[float, float], ...]:
-        """Start and end of each part between the cuts; the part that contains the ends of a cyclic variable comes last."""
+        """Start and end of each part; the one with the ends of a cyclic variable comes last."""
         parts = list(pairwise((self.low, *(self.cuts or ()), self.high)))
-        return tuple([*parts[1:-1], (parts[-1][0], parts[0][1])] if self._wraps else parts)
+        if self._wraps:
+            parts = [*parts[1:-1], (parts[-1][0], parts[0][1])]
+        return tuple(parts)
 
     @property
     def _wraps(self) -> bool:
@@ -181,29 +206,26 @@ class Variable:
 
     @property
     def grid(self) -> Floats:
-        """Representative of each category, encoded, (size,): its grid value, or the middle of its part."""
+        """Encoded representative of each category, (size,): its grid value or its part's middle."""
         if self.kind == "categorical":
             return np.arange(self.size, dtype=float)
         if self.cuts is not None:
             return self._inside_parts(np.arange(self.size), np.full(self.size, 0.5))
-        return np.minimum(
-            self.low + self.step * np.arange(self.size, dtype=np.float64), self.high
-        )  # 3 * 0.2 is more than 0.6.
+        values = self.low + self.step * np.arange(self.size, dtype=np.float64)
+        return np.minimum(values, self.high)  # 3 * 0.2 is more than 0.6.
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
         """Name of each category, (size,)."""
-        if self.cuts is None:
-            return self.values or self._grid_labels
-        ends = [")"] * (self.size - 1) + [")" if self._wraps else "]"]
-        return tuple(
-            f"[{number_text(low)}, {number_text(high)}{end}"
-            for (low, high), end in zip(self._parts, ends, strict=True)
-        )
-
-    @property
-    def _grid_labels(self) -> tuple[str, ...]:
-        """The grid values with as few digits, from six, as keep them apart."""
+        if self.cuts is not None:
+            ends = [")"] * (self.size - 1) + [")" if self._wraps else "]"]
+            return tuple(
+                f"[{number_text(low)}, {number_text(high)}{end}"
+                for (low, high), end in zip(self._parts, ends, strict=True)
+            )
+        if self.values:
+            return self.values
+        # As few digits, from six, as keep the grid values apart.
         for digits in range(6, 17):
             rounded = [float(f"{value:.{digits}g}") for value in self.grid]
             if np.abs(np.array(rounded) - self.grid).max() <= self.step / 100:
@@ -212,7 +234,7 @@ class Variable:
 
     @property
     def rounding(self) -> float:
-        """Rounding unit of a readable bound: half a step, or a hundredth of a range without steps."""
+        """Unit of a readable bound: half a step, or a hundredth of a range without steps."""
         return self.step / 2 if self.cuts is None else (self.high - self.low) / 100
 
     def categorise(self, values: Floats) -> Ints:
@@ -230,52 +252,56 @@ class Variable:
         if self.kind == "categorical":
             return np.minimum(np.floor(unit * self.size), self.size - 1)
         if self.kind == "integer":
-            count = (
-                self.high - self.low + (0 if self.cyclic else 1)
-            )  # A cyclic variable's ends are one value.
+            # A cyclic variable's ends are one value.
+            count = self.high - self.low + (0 if self.cyclic else 1)
             return np.minimum(self.low + np.floor(unit * count), self.high)
         return self.low + unit * (self.high - self.low)
 
     def within(self, categories: Ints, unit: Floats) -> Floats:
-        """Convert (n,) category indices to encoded values; (n,) numbers in [0, 1) give the relative position inside the category."""
+        """Values inside categories.
+
+        Args:
+            categories: (n,) category indices.
+            unit: (n,) relative positions inside the categories, in [0, 1).
+
+        Returns:
+            (n,) encoded values.
+        """
         if self.cuts is not None:
             return self._inside_parts(categories, unit)
         values = self.grid[categories]
         if self.kind == "categorical":
             return values
-        if self.kind == "integer":
-            first, last = np.ceil(values - self.step / 2), np.ceil(values + self.step / 2) - 1
-            if self.cyclic:
-                return np.asarray(
-                    self.low
-                    + (first + np.floor(unit * (last - first + 1)) - self.low)
-                    % (self.high - self.low)
-                )
-            first, last = np.maximum(first, self.low), self._ends(categories, last)
-            return np.asarray(np.minimum(first + np.floor(unit * (last - first + 1)), last))
         first, last = values - self.step / 2, values + self.step / 2
+        if self.kind == "integer":
+            first, last = np.ceil(first), np.ceil(last) - 1
         if self.cyclic:
-            return np.asarray(
-                self.low + (first + self.step * unit - self.low) % (self.high - self.low)
-            )
-        first, last = np.maximum(first, self.low), self._ends(categories, last)
+            values = first + self.step * unit
+            if self.kind == "integer":
+                values = first + np.floor(unit * (last - first + 1))
+            return np.asarray(self.low + (values - self.low) % (self.high - self.low))
+        first = np.maximum(first, self.low)
+        # The last category includes the remainder of the steps.
+        last = np.where(categories == self.size - 1, self.high, np.minimum(last, self.high))
+        if self.kind == "integer":
+            return np.asarray(np.minimum(first + np.floor(unit * (last - first + 1)), last))
         return np.asarray(first + unit * (last - first))
 
     def _inside_parts(self, categories: Ints, unit: Floats) -> Floats:
         span = self.high - self.low
         first, last = np.array(self._parts).T
-        last = np.where(
-            last > first, last, last + span
-        )  # The part of a cyclic variable that contains its ends.
+        # The part with the ends of a cyclic variable ends below its start.
+        last = np.where(last > first, last, last + span)
         values = first[categories] + unit * (last - first)[categories]
         return np.asarray(np.where(values > self.high, values - span, values))
 
-    def _ends(self, categories: Ints, last: Floats) -> Floats:
-        """Ends of the categories: the last one includes the remainder of the steps."""
-        return np.where(categories == self.size - 1, self.high, np.minimum(last, self.high))
-
     def encode(self, value: Value) -> float:
-        """Encode one value; ValueError that names the variable, the expected and the actual value."""
+        """The number of a value.
+
+        Raises:
+            ValueError: no such value; the message names the variable, the expected values and the
+                actual one.
+        """
         if self.kind == "categorical":
             if value not in self.values:
                 raise ValueError(
@@ -283,9 +309,8 @@ class Variable:
                 )
             return float(self.values.index(str(value)))
         if isinstance(value, str) or not np.isfinite(value) or not self.low <= value <= self.high:
-            raise ValueError(
-                f"{self.name} must be in [{number_text(self.low)}, {number_text(self.high)}] {self.unit}, got {value!r}"
-            )
+            bounds = f"[{number_text(self.low)}, {number_text(self.high)}] {self.unit}"
+            raise ValueError(f"{self.name} must be in {bounds}, got {value!r}")
         if self.kind == "integer" and value != int(value):
             raise ValueError(f"{self.name} must be a whole number, got {value!r}")
         return float(value)
@@ -296,28 +321,33 @@ class Variable:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data without the name; `from_dict` reads it back."""
-        known: dict[str, Any] = {"kind": self.kind}
+        plain: dict[str, Any] = {"kind": self.kind}
         if self.kind == "categorical":
-            known |= {"unit": self.unit} if self.unit else {}
-            known["values"] = list(self.values)
+            if self.unit:
+                plain["unit"] = self.unit
+            plain["values"] = list(self.values)
             if self.attributes:
-                known["attributes"] = {name: list(numbers) for name, numbers in self.attributes}
+                plain["attributes"] = {name: list(numbers) for name, numbers in self.attributes}
         else:
-            categories = {"step": self.step} if self.cuts is None else {"cuts": list(self.cuts)}
-            known |= {
-                "unit": self.unit,
-                "low": self.low,
-                "high": self.high,
-                **categories,
-                "cyclic": self.cyclic,
-            }
+            plain |= {"unit": self.unit, "low": self.low, "high": self.high}
+            if self.cuts is None:
+                plain["step"] = self.step
+            else:
+                plain["cuts"] = list(self.cuts)
+            plain["cyclic"] = self.cyclic
         if self.mildest is not None:
-            known["mildest"] = self.mildest
-        return {**known, "weights": list(self.weights)} if self.weights else known
+            plain["mildest"] = self.mildest
+        if self.weights:
+            plain["weights"] = list(self.weights)
+        return plain
 
     @staticmethod
     def from_dict(name: str, plain: Mapping[str, Any]) -> Variable:
-        """The variable of plain data; ValueError for an unknown key, a value of a wrong type and one that `Variable` rejects."""
+        """The variable of plain data.
+
+        Raises:
+            ValueError: an unknown key, a value of a wrong type, or one that `Variable` rejects.
+        """
         for key, value in plain.items():
             if key not in PLAIN:
                 raise ValueError(f"unknown key '{name}.{key}'{nearest(key, PLAIN)}")
@@ -326,13 +356,12 @@ class Variable:
                 raise ValueError(f"{name}.{key}: expected {expected}, got {shown(value)}")
         if "kind" not in plain:
             raise ValueError(f"key '{name}.kind' is missing")
-        values: dict[str, Any] = {
-            key: tuple(value) if key in ("values", "cuts", "weights") else value
-            for key, value in plain.items()
-        }
-        if "attributes" in values:
-            values["attributes"] = tuple(
-                (key, tuple(float(number) for number in numbers))
-                for key, numbers in values["attributes"].items()
+        settings = dict(plain)
+        for key in ("values", "cuts", "weights"):
+            if key in settings:
+                settings[key] = tuple(settings[key])
+        if "attributes" in settings:
+            settings["attributes"] = tuple(
+                (key, tuple(map(float, numbers))) for key, numbers in settings["attributes"].items()
             )
-        return Variable(name=name, **values)
+        return Variable(name=name, **settings)

@@ -1,4 +1,7 @@
-"""Words for what the values of a categorical variable have in common, such as `child` for the people up to 1.4 m."""
+"""Words for what values of a categorical variable have in common.
+
+For example: `child` for the people up to 1.4 m.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,10 @@ from pipeline.core.space import Space
 
 @dataclass(frozen=True)
 class Word:
-    """A word for the values of a variable with an attribute in [low, high], or, without an attribute, for the value `value`.
+    """A word for values of a variable: with an attribute in [low, high], or the value `value`.
 
-    text: as it stands in a rule. Words of one rule form a phrase in the order of their declaration, as `crouching` and `under an umbrella`.
+    text: as it stands in a rule. Words of a rule form a phrase in the order of their declaration,
+    as `crouching` and `under an umbrella`.
     """
 
     text: str
@@ -27,7 +31,11 @@ class Word:
 
 @dataclass(frozen=True)
 class Meaning:
-    """A word in one space. variable: its index. values: encoded values that the word stands for, not empty. order: in the declaration."""
+    """A word in a space.
+
+    variable: its index. values: encoded values that the word stands for, not empty. order: of the
+    word in the declaration.
+    """
 
     text: str
     variable: int
@@ -36,20 +44,21 @@ class Meaning:
 
 
 def meanings(space: Space, words: Sequence[Word]) -> tuple[Meaning, ...]:
-    """The words that tell some values of a space from the others; words of variables, attributes and values that it lacks are left out."""
-    found = ((word, _values(space, word)) for word in words)
-    return tuple(
-        Meaning(word.text, space.names.index(word.variable), values, order)
-        for order, (word, values) in enumerate(found)
-        if values and len(values) < space.variables[space.names.index(word.variable)].size
-    )
+    """The words that separate some values of a variable from the others.
 
-
-def _values(space: Space, word: Word) -> tuple[int, ...]:
-    if word.variable not in space.names:
-        return ()
-    variable = space.variables[space.names.index(word.variable)]
-    if word.value:
-        return (variable.values.index(word.value),) if word.value in variable.values else ()
-    numbers = dict(variable.attributes).get(word.attribute, ())
-    return tuple(i for i, number in enumerate(numbers) if word.low <= number <= word.high)
+    Words of variables, attributes and values that the space lacks are left out.
+    """
+    separating = []
+    for order, word in enumerate(words):
+        if word.variable not in space.names:
+            continue
+        index = space.names.index(word.variable)
+        variable = space.variables[index]
+        if word.value:
+            values = [i for i, value in enumerate(variable.values) if value == word.value]
+        else:
+            numbers = dict(variable.attributes).get(word.attribute, ())
+            values = [i for i, number in enumerate(numbers) if word.low <= number <= word.high]
+        if values and len(values) < variable.size:
+            separating.append(Meaning(word.text, index, tuple(values), order))
+    return tuple(separating)

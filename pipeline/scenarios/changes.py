@@ -1,4 +1,4 @@
-"""Single changes of a test that may repair its failure: milder conditions, another person, no occluder."""
+"""Changes of a test that may fix its failure: milder conditions, another person, no occluder."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ NOISE = "other noise"
 
 @dataclass(frozen=True)
 class Change:
-    """A change of a test. text: as in `no rain repairs 3 of 20`. values: new values by variable. without: actors that are removed.
+    """A change of a test; without values and actors it is the control, a test with other noise.
 
-    A change of nothing is the control: the test with other noise.
+    text: as in `no rain repairs 3 of 20`. values: new values by variable. without: actors that are
+    removed.
     """
 
     text: str
@@ -51,36 +52,55 @@ CONTROL = Change(NOISE)
 
 
 def ranked(repaired: Sequence[tuple[Change, float]]) -> list[Change]:
-    """Changes with how much each repairs, best first: single ones, then the others: the fewer changes, the more a repair tells."""
-    return [
-        change for change, _ in sorted(repaired, key=lambda one: (not one[0].is_single, -one[1]))
-    ]
+    """Changes by the share of failures that each repairs, best first; single changes first.
+
+    A repair by fewer changes says more about its cause.
+    """
+    ordered = sorted(repaired, key=lambda item: (not item[0].is_single, -item[1]))
+    return [change for change, _ in ordered]
 
 
 def changes(tests: Outcomes, members: Bools) -> tuple[Change, ...]:
     """Each variable at its mildest value, alone, then clear weather as a whole.
 
-    The mildest value is the declared one. A categorical variable without one, such as the person, takes the value that the detector knows
-    best: the one with the lowest failure rate in the tests; see `best_known`. Other numbers are not changed. members: (n,), the failures to
-    repair.
+    The mildest value is the declared one. A categorical variable without one, such as the person,
+    takes the value with the lowest failure rate in the tests, see `best_known`. Other numbers are
+    not changed.
+
+    Args:
+        tests: all tests.
+        members: (n,) the failures to repair.
     """
     single = tuple(_single(tests, members))
-    weather = {
-        name: value for change in single for name, value in change.values.items() if name in WEATHER
-    }
+    weather: dict[str, Value] = {}
+    for change in single:
+        for name, value in change.values.items():
+            if name in WEATHER:
+                weather[name] = value
     return (*single, Change(CLEAR, weather)) if len(weather) > 1 else single
 
 
 def without(scenario: FunctionalScenario, actors: Sequence[str]) -> tuple[Change, ...]:
     """The removal of some actors of a scenario; nothing without actors."""
-    called = (_called(name, scenario.actors[name].kind) for name in actors)
-    return (Change(f"without {' and '.join(called)}", without=tuple(actors)),) if actors else ()
+    if not actors:
+        return ()
+    described = []
+    for name in actors:
+        words, kind = name.replace("_", " "), scenario.actors[name].kind
+        # `the bus`, or `the approaching hatchback`.
+        described.append(f"the {words}" if kind in words else f"the {words} {kind}")
+    return (Change(f"without {' and '.join(described)}", without=tuple(actors)),)
 
 
 def best_known(column: Floats, failed: Bools, size: int) -> int:
     """The value of a categorical variable with the lowest failure rate; the first of several.
 
-    column: (n,), encoded; failed: (n,). One more test, which fails as often as all do, counts for each value: few tests show little.
+    A further test, which fails as often as all do, counts for each value: few tests show little.
+
+    Args:
+        column: (n,) encoded values.
+        failed: (n,) whether each test failed.
+        size: number of values.
     """
     tests = np.bincount(column.astype(np.int64), minlength=size)
     failures = np.bincount(column.astype(np.int64), weights=failed, minlength=size)
@@ -96,42 +116,33 @@ def _single(tests: Outcomes, members: Bools) -> Iterator[Change]:
         elif variable.kind == "categorical" and variable.size > 1:
             best = best_known(column, tests.failed, variable.size)
             value = variable.decode(best)
-            text = (
-                _person(variable, best, column[members])
-                if variable.name == people.VARIABLE
-                else _text(variable, value)
-            )
+            text = _text(variable, value)
+            if variable.name == people.VARIABLE:
+                text = _person(variable, best, column[members])
             yield Change(text, {variable.name: value})
-
-
-def _called(name: str, kind: str) -> str:
-    """`the bus` or `the approaching hatchback`."""
-    words = name.replace("_", " ")
-    return f"the {words}" if kind in words else f"the {words} {kind}"
 
 
 def _text(variable: Variable, value: Value) -> str:
     """`no rain`, `sun altitude 60 deg` or `walking`."""
     name = variable.name.replace("_", " ")
     if isinstance(value, str):
-        words = [
-            word.text
-            for word in people.WORDS
-            if (word.variable, word.value) == (variable.name, value)
-        ]
-        return words[0] if words else f"{name} {value}"
-    return (
-        f"no {name}"
-        if value == 0 and variable.unit == "%"
-        else f"{name} {value:g} {variable.unit}".rstrip()
-    )
+        for word in people.WORDS:
+            if (word.variable, word.value) == (variable.name, value):
+                return word.text
+        return f"{name} {value}"
+    if value == 0 and variable.unit == "%":
+        return f"no {name}"
+    return f"{name} {value:g} {variable.unit}".rstrip()
 
 
 def _person(variable: Variable, best: int, failing: Floats) -> str:
-    """A person, who is `taller` if at least nine of ten of the people who fail are smaller. failing: (n,), encoded."""
-    heights = dict(variable.attributes).get("height_m")
-    taller = (
-        heights is not None
-        and np.mean(np.array(heights)[failing.astype(np.int64)] < heights[best]) >= 0.9
-    )
-    return f"{'a taller' if taller else 'another'} person ({variable.values[best]})"
+    """`another person (W 01)`, or `a taller person` if nine in ten of the failing are smaller.
+
+    failing: (n,) encoded.
+    """
+    text, heights = "another", dict(variable.attributes).get("height_m")
+    if heights is not None:
+        smaller = np.array(heights)[failing.astype(np.int64)] < heights[best]
+        if np.mean(smaller) >= 0.9:
+            text = "a taller"
+    return f"{text} person ({variable.values[best]})"

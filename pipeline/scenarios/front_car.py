@@ -1,4 +1,7 @@
-"""The front-car domain (Cheng et al., section 5): single snapshots under six operating conditions, and a detector of the car ahead."""
+"""The front-car domain: snapshots under six operating conditions, and a detector of the car ahead.
+
+Source: Cheng et al., section 5.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,8 @@ CONDITIONS: Mapping[str, tuple[str, ...]] = {
     "forward_vehicle": ("absent", "present"),
     "oncoming_vehicle": ("absent", "present"),
 }
-"""All values of the operating conditions. lanes: in the ego's direction. current_lane: counted from the nearside kerb."""
-
-
-def _as_name(value: object) -> object:
-    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+"""All values of the operating conditions. lanes: in the ego's direction. current_lane: counted from
+the nearside kerb."""
 
 
 class SnapshotSpace(Part):
@@ -31,7 +31,8 @@ class SnapshotSpace(Part):
     variables: dict[str, tuple[str, ...]]
     """Values of each operating condition: one or more of those that can be rendered."""
     constraints: tuple[Written, ...]
-    """Each is a text such as `current_lane <= lanes`, or a clause: one of its literals `name = value` or `name != value` must hold."""
+    """Each is a text such as `current_lane <= lanes`, or a clause: one of its literals `name =
+    value` or `name != value` must hold."""
 
     @field_validator("variables", mode="before")
     @classmethod
@@ -39,10 +40,12 @@ class SnapshotSpace(Part):
         """Accept whole numbers as names of values."""
         if not isinstance(plain, Mapping):
             return plain
-        return {
-            name: tuple(map(_as_name, values)) if isinstance(values, list | tuple) else values
-            for name, values in plain.items()
-        }
+        texts: dict[object, object] = {}
+        for name, values in plain.items():
+            texts[name] = values
+            if isinstance(values, list | tuple):
+                texts[name] = tuple(str(value) if type(value) is int else value for value in values)
+        return texts
 
     @model_validator(mode="after")
     def _can_be_rendered(self) -> SnapshotSpace:
@@ -53,30 +56,32 @@ class SnapshotSpace(Part):
         for name, values in self.variables.items():
             if unknown := set(values) - set(CONDITIONS[name]):
                 raise ValueError(
-                    f"variables.{name} must be among {', '.join(CONDITIONS[name])}; got {', '.join(sorted(unknown))}"
+                    f"variables.{name} must be among {', '.join(CONDITIONS[name])}; "
+                    f"got {', '.join(sorted(unknown))}"
                 )
         space = self.space()
         lanes, current = space.names.index("lanes"), space.names.index("current_lane")
-        if {"1"} <= set(self.variables["lanes"]) and {"2"} <= set(self.variables["current_lane"]):
-            fixed = {
-                lanes: self.variables["lanes"].index("1"),
-                current: self.variables["current_lane"].index("2"),
-            }
+        lane_values, current_values = self.variables["lanes"], self.variables["current_lane"]
+        if "1" in lane_values and "2" in current_values:
+            fixed = {lanes: lane_values.index("1"), current: current_values.index("2")}
             if space.constraints.satisfiable(fixed):
                 raise ValueError(
-                    "constraints must exclude the second of one lane: add [lanes = 2, current_lane != 2]"
+                    "constraints must exclude the second of one lane: "
+                    "add [lanes = 2, current_lane != 2]"
                 )
         return self
 
     def space(self) -> Space:
-        """The space; ValueError for a condition without values or with duplicates, a wrong literal and contradictory constraints."""
-        return Space(
-            tuple(
-                Variable(name, "categorical", values=values)
-                for name, values in self.variables.items()
-            ),
-            self.constraints,
-        )
+        """The space of the operating conditions.
+
+        Raises:
+            ValueError: a condition without values or with duplicates, a wrong literal, or
+                contradictory constraints.
+        """
+        variables = [
+            Variable(name, "categorical", values=values) for name, values in self.variables.items()
+        ]
+        return Space(tuple(variables), self.constraints)
 
     def feasible_points(self) -> Ints:
         """Category indices (m, d) of all points that the constraints allow, in their order."""
@@ -86,7 +91,8 @@ class SnapshotSpace(Part):
 
 
 class FrontCar(Part):
-    """The front-car study: from a few random points to full coverage, and what a detector gains from it."""
+    """The front-car study: from a few random points to full coverage, and what a detector gains
+    from it."""
 
     space: SnapshotSpace
     k: int = Field(ge=1, le=6)
@@ -96,7 +102,8 @@ class FrontCar(Part):
     seed: Seed
     """Seed of points, towns and everything that the conditions leave open."""
     images: int = Field(ge=20, le=100_000)
-    """Number of snapshots to train each detector, training and validation together, shared evenly among its points."""
+    """Number of snapshots to train each detector, training and validation together, shared evenly
+    among its points."""
     validation_share: float = Field(gt=0, lt=0.9)
     """Share of each point's snapshots used for validation."""
     test_images: int = Field(ge=1, le=1000)

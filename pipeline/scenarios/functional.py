@@ -1,7 +1,11 @@
-"""The schema of a functional scenario: a town, the ego, the pedestrian and the other road users (thesis section 4.2, layers 1 to 4)."""
+"""The schema of a functional scenario: a town, the ego, the pedestrian and other road users.
+
+Source: thesis section 4.2, layers 1 to 4.
+"""
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -39,30 +43,34 @@ HALF_WIDTHS_M: dict[VehicleKind, float] = {
 EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M = 2.5, 0.95
 ON_PATH_M = 0.25
 CLEAR_M = 2.2
-"""Lateral distance from the middle of the ego's path at which a pedestrian gives no reason to brake: beyond the lane's edge and a step."""
+"""Lateral distance from the middle of the ego's path at which a pedestrian gives no reason to
+brake: beyond the lane's edge and a step."""
 TIME_LIMIT_S = 12.0
-"""A test ends after this time at the latest, even if the ego still rolls or the pedestrian is still in its path."""
+"""A test ends after this time at the latest, even if the ego still rolls or the pedestrian is still
+in its path."""
 
 RESERVED = {
-    *(
-        "test_id",
-        "index",
-        "batch",
-        "status",
-        "reason",
-        *(each.name for each in (*columns(CampaignId), *KPIS)),
-    ),
-    *("test", "region", "end", "number"),
+    "test_id",
+    "index",
+    "batch",
+    "status",
+    "reason",
+    *(column.name for column in (*columns(CampaignId), *KPIS)),
+    "test",
+    "region",
+    "end",
+    "number",
 }
 """Columns of tests.parquet and of the report's table beside the variables."""
 BODIES = {"ego", "pedestrian", "street", "world"}
-"""What a world's own bodies are called, alone or before an underscore, as in `ego_mass`."""
+"""Names of a world's own bodies, alone or before an underscore, as in `ego_mass`."""
 
 
 class Ego(Part):
-    """The ego vehicle: constant speed along its path until it brakes; it starts `horizon_s` before it would reach the conflict point.
+    """The ego vehicle: constant speed along its path until it brakes.
 
-    path: waypoints, metres; corners are rounded with `corner_radius_m`, and both ends continue straight.
+    It starts `horizon_s` before it would reach the conflict point. path: waypoints, metres; corners
+    are rounded with `corner_radius_m`, and both ends continue straight.
     """
 
     speed_kmh: float = Field(gt=0, le=130)
@@ -77,8 +85,9 @@ class Ego(Part):
 class Crossing(Part):
     """The pedestrian's straight path through `at`: heading in degrees, 90 is to the left of x.
 
-    role: with `crosses`, `at` lies on the ego's path and is the conflict point. With `stays_clear`, the pedestrian never enters the ego's
-    path, and with `absent` there is none: the right answer is not to brake.
+    role: with `crosses`, `at` lies on the ego's path and is the conflict point. With `stays_clear`,
+    the pedestrian never enters the ego's path, and with `absent` there is none: the right answer is
+    not to brake.
     """
 
     role: Literal["crosses", "stays_clear", "absent"] = "crosses"
@@ -89,8 +98,8 @@ class Crossing(Part):
 class Actor(Part):
     """Another road user: its start and its motion.
 
-    Without `via` it drives straight along its heading; with `via`, through those waypoints, corners rounded with `corner_radius_m`. It
-    waits `starts_s` seconds. paint: index of a colour.
+    Without `via` it drives straight along its heading; with `via`, through those waypoints, corners
+    rounded with `corner_radius_m`. It waits `starts_s` seconds. paint: index of a colour.
     """
 
     kind: VehicleKind
@@ -104,9 +113,11 @@ class Actor(Part):
     paint: int = Field(default=0, ge=0, le=MOST)
 
     def route(self) -> Path:
-        heading = np.radians(self.heading_deg)
-        on = self.via or ((self.x_m + float(np.cos(heading)), self.y_m + float(np.sin(heading))),)
-        return Path([(self.x_m, self.y_m), *on], self.corner_radius_m)
+        via = self.via
+        if not via:
+            heading = np.radians(self.heading_deg)
+            via = ((self.x_m + float(np.cos(heading)), self.y_m + float(np.sin(heading))),)
+        return Path([(self.x_m, self.y_m), *via], self.corner_radius_m)
 
     def travelled(self, time_s: float) -> float:
         """Metres along its route."""
@@ -117,11 +128,12 @@ class Actor(Part):
 
 
 class FunctionalScenario(Part):
-    """One functional scenario with its logical scenario space.
+    """A functional scenario with its logical scenario space.
 
-    people: number of the population that its pedestrian comes from, which adds the variable `blueprint` with the population's names as the
-    last of the space; without it, the space has no such variable. constraints: what every test satisfies, each a text such as
-    `if rain > 50 then fog = 0` or a clause, of which one literal `variable = category` or `variable != category` must hold.
+    people: number of the population that its pedestrian comes from. It adds the variable
+    `blueprint`, with the population's names, as the last of the space; without it, the space has no
+    such variable. constraints: on every test, each a text such as `if rain > 50 then fog = 0` or a
+    clause, of which one literal `variable = category` or `variable != category` must hold.
     """
 
     label: str
@@ -136,18 +148,16 @@ class FunctionalScenario(Part):
 
     def logical_space(self) -> Space:
         """The scenario's variables with its constraints."""
-        person = (
-            {} if self.people is None else {populations.VARIABLE: populations.variable(self.people)}
-        )
-        return Space.from_dict({**self.space, **person}, self.constraints)
+        variables = dict(self.space)
+        if self.people is not None:
+            variables[populations.VARIABLE] = populations.variable(self.people)
+        return Space.from_dict(variables, self.constraints)
 
     @property
     def worlds(self) -> Worlds:
         """Fingerprints of its town and of its people."""
-        return Worlds.of(
-            self.town.fingerprint,
-            "" if self.people is None else populations.fingerprint(self.people),
-        )
+        people = "" if self.people is None else populations.fingerprint(self.people)
+        return Worlds.of(self.town.fingerprint, people)
 
     @property
     def has_pedestrian(self) -> bool:
@@ -163,16 +173,20 @@ class FunctionalScenario(Part):
         return self.ego.route().project(*self.pedestrian.at)[0]
 
     def start_s(self) -> float:
-        """Metres along its route to the start of the ego's middle: unbraked, its front reaches the conflict point after `horizon_s`."""
+        """Metres along its route to the start of the ego's middle.
+
+        Unbraked, its front reaches the conflict point after `horizon_s`.
+        """
         return self.conflict_s() - self.ego.speed_kmh / 3.6 * self.ego.horizon_s - EGO_HALF_LENGTH_M
 
     def pedestrian_pose(self, time_s: float, speed_mps: float, shift_m: float = 0.0) -> Pose:
-        """Position of the pedestrian: without shift it reaches the conflict point after `horizon_s`, like the unbraked ego's front; the
-        shift is along its path."""
-        along, heading = (
-            (time_s - self.ego.horizon_s) * speed_mps + shift_m,
-            float(np.radians(self.pedestrian.heading_deg)),
-        )
+        """Position of the pedestrian.
+
+        Without shift it reaches the conflict point after `horizon_s`, like the unbraked ego's
+        front; the shift is along its path.
+        """
+        along = (time_s - self.ego.horizon_s) * speed_mps + shift_m
+        heading = float(np.radians(self.pedestrian.heading_deg))
         x, y = self.pedestrian.at
         return Pose(float(x + along * np.cos(heading)), float(y + along * np.sin(heading)), heading)
 
@@ -181,7 +195,8 @@ class FunctionalScenario(Part):
     def _variables(cls, plain: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         if populations.VARIABLE in plain:
             raise ValueError(
-                f"'{populations.VARIABLE}' comes from `people`, the number of a population; constraints may exclude persons"
+                f"'{populations.VARIABLE}' comes from `people`, the number of a population; "
+                "constraints may exclude persons"
             )
         if taken := sorted(RESERVED & set(plain)):
             raise ValueError(
@@ -200,25 +215,19 @@ class FunctionalScenario(Part):
         return actors
 
     @model_validator(mode="after")
-    def _can_be_tested(self) -> FunctionalScenario:
-        if (
-            count := len(self.logical_space())
-        ) < 2:  # Coverage and diversity count pairs of categories.
+    def _can_be_executed(self) -> FunctionalScenario:
+        count = len(self.logical_space())
+        if count < 2:  # Coverage and diversity count pairs of categories.
             raise ValueError(
                 f"space: expected at least two variables, `people` included, got {count}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _can_be_driven(self) -> FunctionalScenario:
         try:
             route = self.ego.route()
         except ValueError as error:
             raise ValueError(f"ego.path: {error}") from error
         self._role_fits(route)
-        for s in np.arange(
-            self.start_s() - EGO_HALF_LENGTH_M, self.conflict_s() + EGO_HALF_LENGTH_M, 1.0
-        ):
+        first, last = self.start_s() - EGO_HALF_LENGTH_M, self.conflict_s() + EGO_HALF_LENGTH_M
+        for s in np.arange(first, last, 1.0):
             pose = route.at(float(s))
             if not on_asphalt(self.town, pose.x, pose.y, margin=EGO_HALF_WIDTH_M):
                 raise ValueError(f"ego.path: leaves the road at ({pose.x:.1f}, {pose.y:.1f})")
@@ -238,27 +247,26 @@ class FunctionalScenario(Part):
         _, aside = route.project(*self.pedestrian.at)
         if self.pedestrian.role == "crosses" and abs(aside) > ON_PATH_M:
             raise ValueError(
-                f"pedestrian.at: {self.pedestrian.at} must lie on the ego's path, but lies {abs(aside):.2f} m beside it"
+                f"pedestrian.at: {self.pedestrian.at} must lie on the ego's path, "
+                f"but lies {abs(aside):.2f} m beside it"
             )
         if self.pedestrian.role == "stays_clear" and (nearest := self._nearest_m(route)) < CLEAR_M:
             raise ValueError(
-                f"pedestrian: with role 'stays_clear' it must stay {CLEAR_M:g} m beside the middle of the ego's path, "
-                f"but it comes as near as {nearest:.2f} m"
+                f"pedestrian: with role 'stays_clear' it must stay {CLEAR_M:g} m beside the middle "
+                f"of the ego's path, but it comes as near as {nearest:.2f} m"
             )
 
     def _nearest_m(self, route: Path) -> float:
         """Smallest distance of any test's pedestrian to the middle of the ego's path, metres."""
-        space = self.logical_space()
-        speed, shift = (
-            next((v for v in space.variables if v.name == name), None)
-            for name in ("pedestrian_speed", "pedestrian_shift")
-        )
-        speeds, shifts = [(v.low, v.high) if v else (0.0, 0.0) for v in (speed, shift)]
-        # A test moves the pedestrian along one line: by its speed times the time from the conflict, plus its shift.
+        ranges = {v.name: (v.low, v.high) for v in self.logical_space().variables}
+        speeds = ranges.get("pedestrian_speed", (0.0, 0.0))
+        shifts = ranges.get("pedestrian_shift", (0.0, 0.0))
+        # A test moves the pedestrian along a line: by its speed times the time from the conflict,
+        # plus its shift.
         times = (-self.ego.horizon_s, TIME_LIMIT_S - self.ego.horizon_s)
-        ends = [time_s * one + moved for time_s in times for one in speeds for moved in shifts]
+        ends = [time_s * speed + shift for time_s, speed, shift in product(times, speeds, shifts)]
         metres = np.linspace(min(ends), max(ends), 2 + int((max(ends) - min(ends)) / 0.25))
-        poses = [self.pedestrian_pose(self.ego.horizon_s, 0.0, float(moved)) for moved in metres]
+        poses = [self.pedestrian_pose(self.ego.horizon_s, 0.0, float(along)) for along in metres]
         return min(abs(route.project(pose.x, pose.y)[1]) for pose in poses)
 
     def _drivable(self, name: str, actor: Actor) -> None:
@@ -270,5 +278,6 @@ class FunctionalScenario(Part):
             pose = route.at(actor.travelled(float(time_s)))
             if not on_asphalt(self.town, pose.x, pose.y, margin=HALF_WIDTHS_M[actor.kind] - 0.15):
                 raise ValueError(
-                    f"actors.{name}: is off the road at ({pose.x:.1f}, {pose.y:.1f}) after {time_s:g} s"
+                    f"actors.{name}: is off the road at ({pose.x:.1f}, {pose.y:.1f}) "
+                    f"after {time_s:g} s"
                 )

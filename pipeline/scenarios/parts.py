@@ -1,4 +1,4 @@
-"""What all parts of a study's configuration share: strict types, names, seeds and the largest number."""
+"""Basics of all parts of a configuration: strict types, names, seeds and the largest number."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from pipeline.core.names import check_name
 STRICT = ConfigDict(
     extra="forbid", frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True
 )
-"""No unknown key, no text for a number, no true for 1, nothing infinite. Lists become tuples only if the data are validated as JSON."""
+"""No unknown key, no text for a number, no true for 1, nothing infinite. Lists become tuples only
+if the data are validated as JSON."""
 MOST = 10_000_000
 """The largest number of anything that has no limit of its own."""
 Name = Annotated[str, AfterValidator(check_name)]

@@ -1,16 +1,21 @@
-"""Populations of pedestrians: the body, clothes and gait of each person (thesis section 5.2, `Pedestrian Blueprint`).
+"""Populations of pedestrians: the body, clothes and gait of each person.
 
-A population is made from its number alone: 37 women and 37 men, of whom the last four of each are children. Names are unique over all
-populations. Population 1 is W 01 to W 37 and M 01 to M 37, population 2 is W 38 to W 74 and M 38 to M 74, and so on.
+Source: thesis section 5.2, `Pedestrian Blueprint`. A population is made from its number alone: 37
+women and 37 men, of whom the last four of each are children. Names are unique over all
+populations. Population 1 is W 01 to W 37 and M 01 to M 37, population 2 is W 38 to W 74 and M 38 to
+M 74, and so on.
 
 Each person is drawn independently:
 
-- Height: women 1.66 ± 0.06 m, men 1.79 ± 0.07 m, normal, within 1.5 to 1.98 m. The means are those of adults in Germany (Statistisches
-  Bundesamt, Mikrozensus 2021). Children are uniform from 1.1 to 1.4 m, about five to ten years old.
-- Colours: a cloth, skin or hair colour of a list, lighter or darker by up to a quarter; skin by up to a tenth. Three of four pairs of
-  trousers are dark or grey.
-- Every fifth person wears a hat, three of ten carry a bag, one adult of eight holds an umbrella, a third of the women wear a skirt.
-- Gait: stride 1 ± 0.06 of the average at the same height and speed, within 0.88 to 1.12; arm swing and stoop uniform.
+- Height: women 1.66 ± 0.06 m, men 1.79 ± 0.07 m, normal, within 1.5 to 1.98 m. The means are those
+  of adults in Germany (Statistisches Bundesamt, Mikrozensus 2021). Children are uniform from 1.1 to
+  1.4 m, about five to ten years old.
+- Colours: a cloth, skin or hair colour of a list, lighter or darker by up to a quarter; skin by up
+  to a tenth. Three of four pairs of trousers are dark or grey.
+- Every fifth person wears a hat, three of ten carry a bag, one adult of eight holds an umbrella, a
+  third of the women wear a skirt.
+- Gait: stride 1 ± 0.06 of the average at the same height and speed, within 0.88 to 1.12; arm swing
+  and stoop uniform.
 
 Only the heights follow a source; clothes and gaits are chosen for variety.
 """
@@ -31,7 +36,8 @@ from pipeline.core.words import Word
 
 Colour = tuple[float, float, float]
 Pattern = Literal["plain", "vest", "band"]
-"""Patterns of the upper body: one colour, a chest in a second colour, or a belt in a second colour."""
+"""Patterns of the upper body: one colour, a chest in a second colour, or a belt in a second
+colour."""
 
 SEED = 20_231
 OF_EACH_SEX, CHILDREN_OF_EACH_SEX = 37, 4
@@ -60,13 +66,27 @@ WORDS = (
     Word("in dark trousers", VARIABLE, "trousers_brightness", high=0.15),
     Word("in bright trousers", VARIABLE, "trousers_brightness", low=0.5),
 )
-"""The words for people that rules of failure regions use, in the order in which they make a phrase."""
+"""The words for people that rules of failure regions use, in the order in which they make a
+phrase."""
 
-# Cloth, linear RGB. Dark colours are common on purpose: people wear them, and they are hard to see at night.
+# Cloth, linear RGB. Dark colours are common on purpose: people wear them, and they are hard to see
+# at night.
 CLOTH: tuple[Colour, ...] = (
-    (0.05, 0.05, 0.06), (0.09, 0.1, 0.14), (0.12, 0.16, 0.3), (0.25, 0.26, 0.28), (0.45, 0.44, 0.42), (0.75, 0.74, 0.7), (0.9, 0.9, 0.88),
-    (0.55, 0.1, 0.1), (0.8, 0.35, 0.1), (0.85, 0.72, 0.2), (0.2, 0.38, 0.2), (0.15, 0.35, 0.6), (0.45, 0.25, 0.5), (0.35, 0.24, 0.16),
-)  # fmt: skip
+    (0.05, 0.05, 0.06),
+    (0.09, 0.1, 0.14),
+    (0.12, 0.16, 0.3),
+    (0.25, 0.26, 0.28),
+    (0.45, 0.44, 0.42),
+    (0.75, 0.74, 0.7),
+    (0.9, 0.9, 0.88),
+    (0.55, 0.1, 0.1),
+    (0.8, 0.35, 0.1),
+    (0.85, 0.72, 0.2),
+    (0.2, 0.38, 0.2),
+    (0.15, 0.35, 0.6),
+    (0.45, 0.25, 0.5),
+    (0.35, 0.24, 0.16),
+)
 SKIN: tuple[Colour, ...] = (
     (0.86, 0.68, 0.56),
     (0.78, 0.58, 0.44),
@@ -86,11 +106,11 @@ PATTERNS: tuple[Pattern, ...] = ("plain", "plain", "vest", "band")
 
 @dataclass(frozen=True)
 class Blueprint:
-    """One person.
+    """A person. Colours are linear RGB.
 
-    height: metres. child: drawn as a child. build: breadth relative to the average of that height. stride: its length relative to the
-    average of that height and speed. arm_swing: relative to the average. stoop: radians that the upper body leans forward. Colours: linear
-    RGB.
+    height: metres. child: drawn as a child. build: breadth relative to the average of that height.
+    stride: its length relative to the average of that height and speed. arm_swing: relative to the
+    average. stoop: radians that the upper body leans forward.
     """
 
     name: str
@@ -127,18 +147,25 @@ def population(number: int) -> Mapping[str, Blueprint]:
     """The 74 people of a population by name, women first. number: 1 or more; ValueError below."""
     if number < 1:
         raise ValueError(f"the number of a population must be at least 1, got {number}")
-    made = (_blueprint(number, index) for index in range(2 * OF_EACH_SEX))
-    return MappingProxyType({person.name: person for person in made})
+    people = (_blueprint(number, index) for index in range(2 * OF_EACH_SEX))
+    return MappingProxyType({person.name: person for person in people})
 
 
 def person(name: str) -> Blueprint:
-    """The person with this name, from any population; ValueError if it is not the name of a person."""
-    known: Mapping[str, Blueprint] = {}
-    if (matched := re.fullmatch(r"[WM] (\d{2,})", name)) and int(matched[1]):
-        known = population((int(matched[1]) - 1) // OF_EACH_SEX + 1)
-    if name not in known:
-        raise ValueError(f"expected a person such as 'W 01' or 'M 38', got '{name}'")
-    return known[name]
+    """The person with this name, from any population.
+
+    Raises:
+        ValueError: nobody has this name.
+
+    >>> person("W 01").child
+    False
+    """
+    match = re.fullmatch(r"[WM] (\d{2,})", name)
+    if match and int(match[1]):
+        people = population((int(match[1]) - 1) // OF_EACH_SEX + 1)
+        if name in people:
+            return people[name]
+    raise ValueError(f"expected a person such as 'W 01' or 'M 38', got '{name}'")
 
 
 def fingerprint(number: int) -> str:
@@ -149,7 +176,8 @@ def fingerprint(number: int) -> str:
 def variable(number: int) -> dict[str, Any]:
     """The scenario variable `blueprint` of a population as plain data.
 
-    Its attributes describe each person, so that strategies that learn from results expect similar people to fail alike.
+    Its attributes describe each person, so that strategies that learn from results expect similar
+    people to fail alike.
     """
     people = population(number).values()
     attributes: dict[str, list[float]] = {"height_m": [person.height for person in people]}

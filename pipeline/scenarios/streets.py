@@ -1,7 +1,8 @@
-"""The layout of a town's streets: asphalt, lanes, kerbs, crosswalks; used to draw, drive and export them.
+"""The layout of a town's streets: asphalt, lanes, kerbs, crosswalks; to draw, drive and export.
 
-World frame, metres: x along the main street in the ego's driving direction, y left; for a curved main street, the direction at x = 0. The
-main street's rightmost lane, the ego's, has its middle 1.75 m right of the street's axis. Right-hand traffic.
+World frame, metres: x along the main street in the ego's driving direction, y left; for a curved
+main street, the direction at x = 0. The main street's rightmost lane, the ego's, has its middle
+1.75 m right of the street's axis. Right-hand traffic.
 """
 
 from __future__ import annotations
@@ -42,7 +43,11 @@ class Junction(Part):
 
 
 class Crosswalk(Part):
-    """A marked crosswalk: its street, and the position of its middle along it (main: x; side: metres from the main street's kerb)."""
+    """A marked crosswalk on a street.
+
+    at_m: position of its middle along the street: x on the main street, metres from the main
+    street's kerb on the side street.
+    """
 
     street: Literal["main", "side"] = "main"
     at_m: float
@@ -51,9 +56,10 @@ class Crosswalk(Part):
 class Town(Part):
     """The streets, their style and the seed of everything random: houses, trees, textures.
 
-    lanes_ahead: lanes in the ego's direction; there is one oncoming lane. curvature_1pm: of the main street, positive to the left. bus_bay:
-    on the nearside, from x to x. vegetation: hedges and dense trees. crosswalks: on either street. rails_x_m: a train line crosses the main
-    street here. trees: (x, y) of single trees besides the random ones.
+    lanes_ahead: lanes in the ego's direction; there is one oncoming lane. curvature_1pm: of the
+    main street, positive to the left. bus_bay: on the nearside, from x to x. vegetation: hedges
+    and dense trees. crosswalks: on either street. rails_x_m: a train line crosses the main street
+    here. trees: (x, y) of single trees besides the random ones.
     """
 
     style: Literal["urban", "suburban"] = "urban"
@@ -71,28 +77,30 @@ class Town(Part):
     def _fits(self) -> Town:
         if self.bus_bay and self.bus_bay[0] >= self.bus_bay[1]:
             raise ValueError(f"bus_bay must run from a smaller to a larger x, got {self.bus_bay}")
-        if self.junction is None and any(
-            crosswalk.street == "side" for crosswalk in self.crosswalks
-        ):
-            raise ValueError(
-                "crosswalks: one lies on the side street, but the town has no junction"
-            )
+        for crosswalk in self.crosswalks:
+            if crosswalk.street == "side" and self.junction is None:
+                raise ValueError(
+                    "crosswalks: one lies on the side street, but the town has no junction"
+                )
         for crosswalk in self.crosswalks:
             street = streets(self)[crosswalk.street == "side"]
             if not street.start <= crosswalk.at_m <= street.end:
                 limits = f"[{street.start:g}, {street.end:g}]"
                 raise ValueError(
-                    f"crosswalks: at_m must be in {limits} on the {street.name} street, got {crosswalk.at_m:g}"
+                    f"crosswalks: at_m must be in {limits} on the {street.name} street, "
+                    f"got {crosswalk.at_m:g}"
                 )
         if self.curvature_1pm and (self.junction or self.rails_x_m is not None):
             raise ValueError(
                 "curvature_1pm: a street with a junction or a train line must be straight"
             )
-        gaps = [(gap.start, gap.end) for gap in streets(self)[0].gaps if gap.side == -1]
-        if self.bus_bay and any(
-            start < self.bus_bay[1] + 1 and end > self.bus_bay[0] - 1 for start, end in gaps
-        ):
-            raise ValueError(f"bus_bay {self.bus_bay} overlaps the junction or the train line")
+        if self.bus_bay:
+            first, last = self.bus_bay
+            for gap in streets(self)[0].gaps:
+                if gap.side == -1 and gap.start < last + 1 and gap.end > first - 1:
+                    raise ValueError(
+                        f"bus_bay {self.bus_bay} overlaps the junction or the train line"
+                    )
         for x, y in self.trees:
             if on_asphalt(self, x, y, margin=-0.3):
                 raise ValueError(f"trees: ({x:g}, {y:g}) stands on the road")
@@ -102,7 +110,8 @@ class Town(Part):
     def fingerprint(self) -> str:
         """Identifies a town without revealing it: hexadecimal, from SHA-256.
 
-        Covers style and seed, which determine houses and textures: with another street or one more tree it is still the same town.
+        Covers style and seed, which determine houses and textures: with another street or one more
+        tree it is still the same town.
         """
         return hashlib.sha256(f"{self.style} {self.seed}".encode()).hexdigest()[:16]
 
@@ -113,7 +122,10 @@ class Town(Part):
 
 @dataclass(frozen=True)
 class Gap:
-    """Interruption of a street's side, 1 left or -1 right, from `start` to `end` metres along it; `mouth`: by another street."""
+    """Interruption of a street's side from `start` to `end` metres along it.
+
+    side: 1 left, -1 right. mouth: whether another street interrupts it.
+    """
 
     side: int
     start: float
@@ -125,8 +137,9 @@ class Gap:
 class Street:
     """A street in its own frame: u along it, v to its left, from `start` to `end`.
 
-    origin, angle: pose of that frame in the world, metres and radians. curvature: of its axis, 1/m, positive to the left. right, left:
-    distances of the kerbs from its axis. middle: v of the line between the two directions. bay: bus bay on the right.
+    origin, angle: pose of that frame in the world, metres and radians. curvature: of its axis, 1/m,
+    positive to the left. right, left: distances of the kerbs from its axis. middle: v of the line
+    between the two directions. bay: bus bay on the right.
     """
 
     name: str
@@ -149,9 +162,8 @@ class Street:
     def pose(self, u: float, v: float) -> Pose:
         """Pose in the world of a point of the street's frame, looking along the street."""
         on = self.axis.at(u)
-        return Pose(
-            float(on.x - v * np.sin(on.heading)), float(on.y + v * np.cos(on.heading)), on.heading
-        )
+        x, y = on.x - v * np.sin(on.heading), on.y + v * np.cos(on.heading)
+        return Pose(float(x), float(y), on.heading)
 
     def world(self, u: float, v: float) -> tuple[float, float]:
         """Convert a point of the street's frame to world coordinates."""
@@ -165,7 +177,10 @@ class Street:
         return u, float(-np.sin(on.heading) * (x - on.x) + np.cos(on.heading) * (y - on.y))
 
     def edge(self, side: int, u: float | None = None) -> float:
-        """Distance of the kerb from the axis, the bay's beside a bus bay. Without u: the largest along the whole side."""
+        """Distance of the kerb from the axis, the bay's beside a bus bay.
+
+        Without u: the largest along the whole side.
+        """
         if side > 0:
             return self.left
         beside_bay = self.bay is not None and (u is None or self.bay[0] <= u <= self.bay[1])
@@ -187,38 +202,41 @@ def streets(town: Town) -> tuple[Street, ...]:
     left = LANE_WIDTH * town.lanes_ahead
     gaps: list[Gap] = []
     if town.junction:
-        half = LANE_WIDTH + CORNER_RADIUS
-        gaps.append(
-            Gap(
-                1 if town.junction.side == "left" else -1,
-                town.junction.x_m - half,
-                town.junction.x_m + half,
-                True,
-            )
-        )
+        side, x, half = town.junction.side, town.junction.x_m, LANE_WIDTH + CORNER_RADIUS
+        gaps.append(Gap(1 if side == "left" else -1, x - half, x + half, mouth=True))
     if town.rails_x_m is not None:
-        gaps += [Gap(side, town.rails_x_m - 3, town.rails_x_m + 3, False) for side in (-1, 1)]
-    middle = LANE_WIDTH * (town.lanes_ahead - 1)
+        for sign in (-1, 1):
+            gaps.append(Gap(sign, town.rails_x_m - 3, town.rails_x_m + 3, mouth=False))
     main = Street(
-        "main",
-        (0, 0),
-        0,
-        town.curvature_1pm,
-        START_X,
-        END_X,
-        LANE_WIDTH,
-        left,
-        middle,
-        town.bus_bay,
-        tuple(gaps),
+        name="main",
+        origin=(0, 0),
+        angle=0,
+        curvature=town.curvature_1pm,
+        start=START_X,
+        end=END_X,
+        right=LANE_WIDTH,
+        left=left,
+        middle=LANE_WIDTH * (town.lanes_ahead - 1),
+        bay=town.bus_bay,
+        gaps=tuple(gaps),
     )
     if town.junction is None:
         return (main,)
     sign = 1 if town.junction.side == "left" else -1
-    origin = (town.junction.x_m, left if sign > 0 else -LANE_WIDTH)
-    return main, Street(
-        "side", origin, sign * np.pi / 2, 0, 0, SIDE_LENGTH, LANE_WIDTH, LANE_WIDTH, 0, None, ()
+    side_street = Street(
+        name="side",
+        origin=(town.junction.x_m, left if sign > 0 else -LANE_WIDTH),
+        angle=sign * np.pi / 2,
+        curvature=0,
+        start=0,
+        end=SIDE_LENGTH,
+        right=LANE_WIDTH,
+        left=LANE_WIDTH,
+        middle=0,
+        bay=None,
+        gaps=(),
     )
+    return main, side_street
 
 
 def on_asphalt(town: Town, x: float, y: float, margin: float = 0.0) -> bool:
@@ -233,8 +251,6 @@ def on_asphalt(town: Town, x: float, y: float, margin: float = 0.0) -> bool:
             return True
         # The rounded corners: a square without the disc inside the kerb.
         if -margin <= u <= CORNER_RADIUS and abs(v) <= LANE_WIDTH + CORNER_RADIUS:
-            return bool(
-                np.hypot(CORNER_RADIUS - u, LANE_WIDTH + CORNER_RADIUS - abs(v))
-                >= CORNER_RADIUS + margin
-            )
+            gap = np.hypot(CORNER_RADIUS - u, LANE_WIDTH + CORNER_RADIUS - abs(v))
+            return bool(gap >= CORNER_RADIUS + margin)
     return False

@@ -18,9 +18,9 @@ from pipeline.core.comparison import (
 
 
 def outcomes(signs: str) -> SequenceOutcomes:
-    """From a string: '.' passes, 'c' fails by TTC alone, 'f' by false positives, 'e' is an error."""
-    found = np.array(list(signs))
-    return SequenceOutcomes(found != "e", (found == "c") | (found == "f"), found == "c")
+    """By sign: '.' passes, 'c' fails by TTC, 'f' by false positives, 'e' is an error."""
+    each = np.array(list(signs))
+    return SequenceOutcomes(each != "e", (each == "c") | (each == "f"), each == "c")
 
 
 def test_the_name_of_a_test_is_read_back() -> None:
@@ -37,12 +37,12 @@ def test_a_text_that_names_no_test_is_refused(name: str) -> None:
 
 
 def test_errors_count_for_neither_version_of_a_pair() -> None:
-    found = pair(outcomes("ccc.e"), outcomes("c.ec."))
-    assert (found.fixed.tolist(), found.regressed.tolist()) == (
+    difference = pair(outcomes("ccc.e"), outcomes("c.ec."))
+    assert (difference.fixed.tolist(), difference.regressed.tolist()) == (
         [False, True, *[False] * 3],
         [*[False] * 3, True, False],
     )
-    assert (found.tests, found.p_value) == (3, 1.0)
+    assert (difference.tests, difference.p_value) == (3, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -70,23 +70,26 @@ def test_rate_and_group_failures() -> None:
 
 
 def test_groups_are_paired_by_seed() -> None:
-    found = pair_groups(
+    difference = pair_groups(
         [outcomes("cccc.e"), outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")], 0.95
     )
-    # The last test is an error with one version. Differences by seed: -3 and -3; by test, summed: -1, -2, -2, -2, 1.
-    assert (found.tests, found.difference.value) == (5, -3)
-    # Sums of the 32 sign patterns at least as far as 6: +-8 twice; +-6, by flipping one of the two ones, four times.
-    assert found.p_value == 6 / 32
+    # The last test is an error with one version. Differences by seed: -3 and -3; by test, summed:
+    # -1, -2, -2, -2, 1.
+    assert (difference.tests, difference.difference.value) == (5, -3)
+    # Sums of the 32 sign patterns at least as far as 6: +-8 twice; +-6, by flipping one of the two
+    # ones, four times.
+    assert difference.p_value == 6 / 32
 
 
 def test_a_single_version_is_compared_with_each_seed() -> None:
     base, versions = [outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")]
-    found = pair_groups(base, versions, 0.95)
-    assert (found.tests, found.difference.value) == (5, -3)
-    # The base fails each test with a chance of 2, 1, 1, 1 and 1 in 3: 4 of 5 failures are 2 more than expected. As far away are 0 and 5.
+    difference = pair_groups(base, versions, 0.95)
+    assert (difference.tests, difference.difference.value) == (5, -3)
+    # The base fails each test with a chance of 2, 1, 1, 1 and 1 in 3: 4 of 5 failures are 2 more
+    # than expected. As far away are 0 and 5.
     none, four, five = 2**4, 2 * 4 * 2 + 1, 2
-    assert found.p_value == pytest.approx((none + four + five) / 3**5)
-    assert pair_groups(versions, base, 0.95).p_value == found.p_value
+    assert difference.p_value == pytest.approx((none + four + five) / 3**5)
+    assert pair_groups(versions, base, 0.95).p_value == difference.p_value
 
 
 def test_groups_of_different_sizes_cannot_be_paired() -> None:

@@ -157,7 +157,10 @@ def test_planted_regions_are_confirmed(name: str) -> None:
 
 
 def test_labels_at_random_are_hardly_ever_confirmed() -> None:
-    """Every rule that a search of noise would propose, at a rate of 30 %: at most 5 % are confirmed; of 20, four have a chance of 2 %."""
+    """Every rule that a search of noise would propose, at a rate of 30 %.
+
+    At most 5 % are confirmed; of 20, four have a chance of 2 %.
+    """
     false, rule = 0, Rule((Condition(RAIN, 40, 60), Condition(POSE, values=CROUCHING)))
     for seed in range(20):
         rng = np.random.default_rng(seed)

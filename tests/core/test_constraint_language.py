@@ -1,4 +1,4 @@
-"""The constraint language: what it allows, what it refuses and where, and random texts against a direct evaluation."""
+"""The constraint language: by hand, and random texts against a direct evaluation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import operator
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -40,29 +40,53 @@ def allowed(text: str, *shown: str) -> list[tuple[str, ...]]:
     space = Space(DRIVE, (text,))
     columns = [NAMES.index(name) for name in shown]
     cells = np.argwhere(space.constraints.feasible_cells(columns))
-    return [
-        tuple(DRIVE[v].labels[int(c)] for v, c in zip(columns, cell, strict=True)) for cell in cells
-    ]
+    labels = [DRIVE[v].labels for v in columns]
+    return [tuple(map(operator.getitem, labels, cell)) for cell in cells.tolist()]
 
 
 @pytest.mark.parametrize(
     ("text", "shown", "gone"),
     [
-        ("if fog >= 50 then lights in {on, low}", ("fog", "lights"), {("[50, 80)", "off"), ("[80, 100]", "off")}),
-        ("fog >= 80 => lights = on", ("fog", "lights"), {("[80, 100]", "low"), ("[80, 100]", "off")}),
-        ("IF fog < 20 THEN lights = off ELSE lights NOT IN {off}", ("fog", "lights"),
-         {("[0, 20)", "on"), ("[0, 20)", "low"), ("[20, 50)", "off"), ("[50, 80)", "off"), ("[80, 100]", "off")}),
+        (
+            "if fog >= 50 then lights in {on, low}",
+            ("fog", "lights"),
+            {("[50, 80)", "off"), ("[80, 100]", "off")},
+        ),
+        (
+            "fog >= 80 => lights = on",
+            ("fog", "lights"),
+            {("[80, 100]", "low"), ("[80, 100]", "off")},
+        ),
+        (
+            "IF fog < 20 THEN lights = off ELSE lights NOT IN {off}",
+            ("fog", "lights"),
+            {
+                ("[0, 20)", "on"),
+                ("[0, 20)", "low"),
+                ("[20, 50)", "off"),
+                ("[50, 80)", "off"),
+                ("[80, 100]", "off"),
+            },
+        ),
         ("lane <= lanes", ("lane", "lanes"), {("2", "1"), ("3", "1"), ("3", "2")}),
         ("lane = lanes or lanes > 1", ("lane", "lanes"), {("2", "1"), ("3", "1")}),
-        ("speed < limit", ("speed", "limit"), {("[30, 50)", "30"), ("[50, 130]", "30"), ("[50, 130]", "50")}),
-        ("not (rain > 0.3) and rain != 0", ("rain",), {(x,) for x in ("0", "0.4", "0.5", "0.6", "0.7", "0.8", "0.9", "1")}),
+        (
+            "speed < limit",
+            ("speed", "limit"),
+            {("[30, 50)", "30"), ("[50, 130]", "30"), ("[50, 130]", "50")},
+        ),
+        (
+            "not (rain > 0.3) and rain != 0",
+            ("rain",),
+            {(x,) for x in ("0", "0.4", "0.5", "0.6", "0.7", "0.8", "0.9", "1")},
+        ),
         ("'road type' = 'it''s = wet'", ("road type",), {('the "dry" one',)}),
         ('"road type" in {"it\'s = wet"}', ("road type",), {('the "dry" one',)}),
         ("weather in {fog}", ("weather",), {("sunny",), ("rainy",)}),
         ('not not fog="[0, 20)"', ("fog",), {("[20, 50)",), ("[50, 80)",), ("[80, 100]",)}),
         ("fog <= 100", ("fog",), set()),
     ],
-)  # fmt: skip
+)
 def test_a_text_excludes_what_it_says(
     text: str, shown: tuple[str, ...], gone: set[tuple[str, ...]]
 ) -> None:
@@ -84,25 +108,37 @@ def test_a_text_excludes_what_it_says(
         ("lights in {on low}", "character 15: expected ',' or '}', got 'low'"),
         ("lights in {}", "character 12: expected a category, got '}'"),
         ("lights not on", "character 12: expected in, got 'on'"),
-        ("lane = then", "character 8: expected a category, a number or a variable, got 'then'; put a name like this in quotes"),
+        ("lane = then", "character 8: expected a category, a number or a variable, got 'then'; "
+                        "put a name like this in quotes"),
         ("lane = 'x", "character 8: this quote does not end"),
         ("lane ! 1", "character 6: expected a name, a number or a sign, got '!'"),
-        ("foog >= 50", "character 1: variable must be one of weather, fog, lights, lane, lanes, speed, limit, azimuth, rain, road type; "
+        ("foog >= 50", "character 1: variable must be one of weather, fog, lights, lane, lanes, "
+                       "speed, limit, azimuth, rain, road type; "
          "got 'foog'; did you mean 'fog'?"),
-        ("weather = sunni", "character 11: category must be one of sunny, rainy, fog; got 'sunni'; did you mean 'sunny'?"),
-        ("lights in {on, lowe}", "character 16: category must be one of on, low, off; got 'lowe'; did you mean 'low'?"),
-        ("weather = fog", "character 11: 'fog' is a category of weather and a variable; for the category write in {…}"),
-        ("weather < 3", "only numbers compare by <, <=, > and >=, and a category of weather is 'sunny'; use = or in {…}"),
-        ("lane < weather", "only numbers compare by <, <=, > and >=, and a category of weather is 'sunny'"),
+        ("weather = sunni", "character 11: category must be one of sunny, rainy, fog; got "
+                            "'sunni'; did you mean 'sunny'?"),
+        ("lights in {on, lowe}", "character 16: category must be one of on, low, off; got 'lowe'; "
+                                 "did you mean 'low'?"),
+        ("weather = fog", "character 11: 'fog' is a category of weather and a variable; for the "
+                          "category write in {…}"),
+        ("weather < 3", "only numbers compare by <, <=, > and >=, and a category of weather is "
+                        "'sunny'; use = or in {…}"),
+        ("lane < weather", "only numbers compare by <, <=, > and >=, and a category of weather is "
+                           "'sunny'"),
         ("fog < low", "character 7: expected a number or a variable after <, got 'low'"),
-        ("fog > 50", "fog > 50 holds for some values of the category [50, 80), and not for others; write >= 50, or choose other cuts"),
-        ("fog < 30", "some values of the category [20, 50), and not for others; compare with a cut (20, 50, 80), or name the category"),
+        ("fog > 50", "fog > 50 holds for some values of the category [50, 80), and not for "
+                     "others; write >= 50, or choose other cuts"),
+        ("fog < 30", "some values of the category [20, 50), and not for others; compare with a "
+                     "cut (20, 50, 80), or name the category"),
         ("azimuth < 90", "some values of the category [270, 90), and not for others"),
-        ("speed <= fog", "speed <= fog holds for some values of the categories [0, 30) and [0, 20), and not for others; name"),
-        ("speed <= limit", "holds for some values of the categories [30, 50) and 30, and not for others"),
+        ("speed <= fog", "speed <= fog holds for some values of the categories [0, 30) and [0, "
+                         "20), and not for others; name"),
+        ("speed <= limit", "holds for some values of the categories [30, 50) and 30, and not for "
+                           "others"),
         ("lane = lane", "lane = lane compares a variable with itself"),
         ("weather = lights", "weather = lights compares variables that have no category in common"),
-        ("lane = 1 and lane = 2", "these contradict each other, so no point is left: lane = 1 and lane = 2"),
+        ("lane = 1 and lane = 2", "these contradict each other, so no point is left: lane = 1 and "
+                                  "lane = 2"),
         ("fog > 200", "no combination satisfies it"),
         ("(" * 51 + "lane = 1" + ")" * 51, "character 51: nested deeper than 50 levels"),
     ],
@@ -156,10 +192,14 @@ def test_a_broken_text_is_named_as_it_is_written() -> None:
 
 def test_files_hold_texts_beside_clauses(tmp_path: Path) -> None:
     path = tmp_path / "space.yaml"
-    head = "variables: {fog: {interval: [0, 100], cuts: [50]}, lights: {values: [on, low, off]}, 'a: b': {values: [1, 2]}}\nconstraints:\n"
+    head = (
+        "variables: {fog: {interval: [0, 100], cuts: [50]}, lights: {values: [on, low, off]}, "
+        "'a: b': {values: [1, 2]}}\nconstraints:\n"
+    )
     path.write_text(
         head
-        + "  - if fog >= 50 then lights in {on, low}\n  - [lights != off, 'a: b = 2']\n  - '\"a: b\" = 2 or lights = off'\n"
+        + "  - if fog >= 50 then lights in {on, low}\n  - [lights != off, 'a: b = 2']\n  - '\"a: "
+        "b\" = 2 or lights = off'\n"
     )
     space = read_space_file(path)
     assert (
@@ -170,7 +210,8 @@ def test_files_hold_texts_beside_clauses(tmp_path: Path) -> None:
     path.write_text(head + "  - {if: fog}\n")
     with pytest.raises(
         InputError,
-        match="space.yaml: constraints: expected a text such as 'if fog >= 50 then lights in {on, low}'",
+        match="space.yaml: constraints: expected a text such as 'if fog >= 50 then lights in {on, "
+        "low}'",
     ):
         read_space_file(path)
     write_space(tmp_path / "F1.json", ScenarioInfo("F1", "one", "text", 3), space)
@@ -178,8 +219,13 @@ def test_files_hold_texts_beside_clauses(tmp_path: Path) -> None:
 
 
 COMPARED: dict[str, Callable[[Any, Any], bool]] = {
-    "=": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-}  # fmt: skip
+    "=": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
 Value = tuple[str, float | None]
 """The name of a value's category, and the value if it is a number."""
 Row = dict[str, Value]
@@ -194,7 +240,9 @@ class Said:
     parts: tuple[Said, ...] = ()
 
     def comparisons(self) -> list[Said]:
-        return [one for part in self.parts for one in part.comparisons()] if self.parts else [self]
+        if not self.parts:
+            return [self]
+        return list(chain.from_iterable(part.comparisons() for part in self.parts))
 
 
 def quoted(draw: st.DrawFn, name: str) -> str:
@@ -211,11 +259,11 @@ def quoted(draw: st.DrawFn, name: str) -> str:
 @st.composite
 def variables(draw: st.DrawFn) -> tuple[Variable, ...]:
     texts = draw(st.lists(st.text(min_size=1, max_size=5), min_size=6, max_size=6, unique=True))
-    names, found = [f"{text}_" for text in texts[:3]], []
+    names, drawn = [f"{text}_" for text in texts[:3]], []
     for name in names:
         kind = draw(st.sampled_from(("names", "numbers", "cuts", "step", "cyclic")))
         if kind == "names":
-            found.append(
+            drawn.append(
                 Variable(name, "categorical", values=tuple(texts[3 : 3 + draw(st.integers(1, 3))]))
             )
         elif kind == "numbers":
@@ -227,21 +275,21 @@ def variables(draw: st.DrawFn) -> tuple[Variable, ...]:
                     unique=True,
                 )
             )
-            found.append(Variable(name, "categorical", values=tuple(values)))
+            drawn.append(Variable(name, "categorical", values=tuple(values)))
         elif kind == "step":
-            found.append(Variable(name, "continuous", "", 0, 3, 1))
+            drawn.append(Variable(name, "continuous", "", 0, 3, 1))
         else:
             cyclic = kind == "cyclic"
             cuts = sorted(draw(st.sets(st.integers(1, 4), min_size=2 if cyclic else 0, max_size=3)))
-            found.append(
+            drawn.append(
                 Variable(name, "continuous", "", 0, 5, cyclic=cyclic, cuts=tuple(map(float, cuts)))
             )
-    return tuple(found)
+    return tuple(drawn)
 
 
 def values_of(variable: Variable) -> list[list[Value]]:
-    """For each category, values that its comparisons with whole numbers and with other variables cannot tell from any other value."""
-    found: list[list[Value]] = [[] for _ in variable.labels]
+    """For each category, values that stand for all of it in comparisons with whole numbers."""
+    of_category: list[list[Value]] = [[] for _ in variable.labels]
     if variable.cuts is None:
         return [
             [(label, float(label) if re.fullmatch(r"-?\d+(\.\d)?", label) else None)]
@@ -249,40 +297,40 @@ def values_of(variable: Variable) -> list[list[Value]]:
         ]
     points = np.arange(variable.low, variable.high + 0.1, 0.25)
     for point, category in zip(points, variable.categorise(points), strict=True):
-        found[category].append((variable.labels[category], float(point)))
-    return found
+        of_category[category].append((variable.labels[category], float(point)))
+    return of_category
 
 
 @st.composite
 def comparison(draw: st.DrawFn, space: tuple[Variable, ...]) -> Said:
-    one = draw(st.sampled_from(space))
+    first = draw(st.sampled_from(space))
     name, kind = (
-        quoted(draw, one.name),
+        quoted(draw, first.name),
         draw(st.sampled_from(("list", "category", "constant", "variable"))),
     )
     if kind == "list":
-        chosen = draw(st.lists(st.sampled_from(one.labels), min_size=1, max_size=3))
+        chosen = draw(st.lists(st.sampled_from(first.labels), min_size=1, max_size=3))
         word, inside = draw(st.sampled_from((("in", True), ("not in", False))))
         listed = ", ".join(quoted(draw, label) for label in chosen)
         return Said(
-            f"{name} {word} {{{listed}}}", lambda row: (row[one.name][0] in chosen) == inside
+            f"{name} {word} {{{listed}}}", lambda row: (row[first.name][0] in chosen) == inside
         )
     if kind == "category":
-        label, sign = draw(st.sampled_from(one.labels)), draw(st.sampled_from(("=", "!=")))
+        label, sign = draw(st.sampled_from(first.labels)), draw(st.sampled_from(("=", "!=")))
         return Said(
             f"{name} {sign} {quoted(draw, label)}",
-            lambda row: COMPARED[sign](row[one.name][0], label),
+            lambda row: COMPARED[sign](row[first.name][0], label),
         )
     if kind == "constant":
         number, sign = draw(st.integers(-1, 6)), draw(st.sampled_from(("<", "<=", ">", ">=")))
-        return Said(f"{name}{sign}{number}", lambda row: COMPARED[sign](row[one.name][1], number))
+        return Said(f"{name}{sign}{number}", lambda row: COMPARED[sign](row[first.name][1], number))
     other, sign = draw(st.sampled_from(space)), draw(st.sampled_from(sorted(COMPARED)))
     # Two variables compare as numbers if both have only numbers.
     by = (
         1
         if all(
             value is not None
-            for v in (one, other)
+            for v in (first, other)
             for several in values_of(v)
             for _, value in several
         )
@@ -290,15 +338,17 @@ def comparison(draw: st.DrawFn, space: tuple[Variable, ...]) -> Said:
     )
     return Said(
         f"{name} {sign} {quoted(draw, other.name)}",
-        lambda row: COMPARED[sign](row[one.name][by], row[other.name][by]),
+        lambda row: COMPARED[sign](row[first.name][by], row[other.name][by]),
     )
 
 
 def joined(draw: st.DrawFn, space: tuple[Variable, ...], depth: int) -> Said:
     kind = (
-        draw(st.sampled_from(("one", "not", "and", "or", "=>", "if", "else"))) if depth else "one"
+        draw(st.sampled_from(("first", "not", "and", "or", "=>", "if", "else")))
+        if depth
+        else "first"
     )
-    if kind == "one":
+    if kind == "first":
         return draw(comparison(space))
     a, b, c = (joined(draw, space, depth - 1) for _ in range(3))
     x, y, z = (f"({part.text})" for part in (a, b, c))
@@ -329,13 +379,14 @@ def joined(draw: st.DrawFn, space: tuple[Variable, ...], depth: int) -> Said:
     return Said(*texts[kind])
 
 
-def outcomes(said: Said, space: tuple[Variable, ...]) -> list[set[bool]]:
+def outcomes(statement: Said, space: tuple[Variable, ...]) -> list[set[bool]]:
     """Whether a text holds, for some values of each row of categories, in the order of the rows."""
     names, values = [variable.name for variable in space], list(map(values_of, space))
-    return [
-        {said.holds(dict(zip(names, row, strict=True))) for row in product(*cell)}
-        for cell in product(*values)
-    ]
+    results = []
+    for cell in product(*values):
+        rows = (dict(zip(names, row, strict=True)) for row in product(*cell))
+        results.append({statement.holds(row) for row in rows})
+    return results
 
 
 UNCOMPARED = ("compares a variable with itself", "no category in common", "compare by <")
@@ -344,19 +395,19 @@ UNCOMPARED = ("compares a variable with itself", "no category in common", "compa
 @given(st.data())
 def test_clauses_allow_exactly_the_rows_in_which_the_text_holds(data: st.DataObject) -> None:
     space = data.draw(variables())
-    said = data.draw(st.composite(joined)(space, data.draw(st.integers(0, 2))))
+    statement = data.draw(st.composite(joined)(space, data.draw(st.integers(0, 2))))
     rows = np.array(list(product(*(range(variable.size) for variable in space))))
     refused = ""
     try:
-        allowed = Space(space, (said.text,)).constraints.holds(rows).tolist()
+        allowed = Space(space, (statement.text,)).constraints.holds(rows).tolist()
     except ValueError as error:
         refused, allowed = str(error), [False] * len(rows)
     assume(not any(words in refused for words in UNCOMPARED))
     if "holds for some values" in refused:
-        assert any({True, False} in outcomes(one, space) for one in said.comparisons()), (
-            said.text,
+        assert any({True, False} in outcomes(part, space) for part in statement.comparisons()), (
+            statement.text,
             refused,
         )
         return
     assert not refused or re.search("no combination satisfies it|no point is left", refused)
-    assert [{holds} for holds in allowed] == outcomes(said, space), said.text
+    assert [{holds} for holds in allowed] == outcomes(statement, space), statement.text

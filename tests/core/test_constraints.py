@@ -23,12 +23,10 @@ def random_constraints(rng: np.random.Generator) -> Constraints:
         variable = int(rng.integers(len(SIZES)))
         return Literal(variable, int(rng.integers(SIZES[variable])), bool(rng.integers(2)))
 
-    return Constraints(
-        SIZES,
-        tuple(
-            tuple(literal() for _ in range(rng.integers(1, 4))) for _ in range(rng.integers(0, 9))
-        ),
-    )
+    clauses = []
+    for _ in range(rng.integers(0, 9)):
+        clauses.append(tuple(literal() for _ in range(rng.integers(1, 4))))
+    return Constraints(SIZES, tuple(clauses))
 
 
 @pytest.mark.parametrize("paired", [constraints.PAIRED, 1])
@@ -50,19 +48,20 @@ def test_feasible_cells_agree_with_brute_force(
 def test_a_contradiction_takes_one_solver_and_leaves_out_the_first_constraints_that_it_can(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made = []
+    solvers = []
 
     def solver(**given: Any) -> Any:
-        made.append(given)
+        solvers.append(given)
         return Solver(**given)
 
     monkeypatch.setattr(constraints, "Solver", solver)
     chain = [[(Literal(i, 0), Literal(i + 1, 1))] for i in range(99)]
     ends = [[(Literal(0, 1),)], [(Literal(0, 0),)], [(Literal(99, 0),)]]
-    # The chain contradicts its ends, and so do the two constraints on its beginning, which come before its end.
-    assert contradiction((2,) * 100, [*chain, *ends]) == (99, 100) and len(made) == 1
+    # The chain contradicts its ends, and so do the two constraints on its beginning, which come
+    # before its end.
+    assert contradiction((2,) * 100, [*chain, *ends]) == (99, 100) and len(solvers) == 1
     assert contradiction((2,) * 100, [ends[0], ends[1], *chain, ends[2]]) == (0, *range(2, 102))
-    assert len(made) == 2
+    assert len(solvers) == 2
 
 
 def test_complete_gives_a_feasible_row_that_agrees() -> None:
@@ -90,11 +89,13 @@ def test_an_empty_clause_leaves_no_point() -> None:
         ("kind = d", "constraint 'kind = d': category must be one of a, b, c; got 'd'"),
         (
             "count = 1.4",
-            "constraint 'count = 1.4': category must be one of 1, 2, 3, 4, 5; got '1.4'; did you mean '1'?",
+            "constraint 'count = 1.4': category must be one of 1, 2, 3, 4, 5; got '1.4'; did you "
+            "mean '1'?",
         ),
         (
             "angle = 100",
-            "category must be one of 0, 30, 60, 90, 120, 150, 180, 210, 240, 270, 300, 330; got '100'; did you mean '90'?",
+            "category must be one of 0, 30, 60, 90, 120, 150, 180, 210, 240, 270, 300, 330; got "
+            "'100'; did you mean '90'?",
         ),
     ],
 )

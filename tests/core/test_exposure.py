@@ -42,20 +42,20 @@ def draws(plain: dict[str, Any], space: Space = SMALL, count: int = 40_000) -> n
 
 
 def test_quantiles_of_a_histogram_are_even_inside_its_parts() -> None:
-    made = marginal(X, {"kind": "histogram", "edges": [0, 1, 10], "shares": [0.9, 0.1]})
-    assert made.quantile(np.array([0, 0.45, 0.9, 0.95])) == pytest.approx([0, 0.5, 1, 5.5])
-    assert made.ratio(np.array([0.5, 5])) == pytest.approx([9, 0.1 / 9 * 10])
+    histogram = marginal(X, {"kind": "histogram", "edges": [0, 1, 10], "shares": [0.9, 0.1]})
+    assert histogram.quantile(np.array([0, 0.45, 0.9, 0.95])) == pytest.approx([0, 0.5, 1, 5.5])
+    assert histogram.ratio(np.array([0.5, 5])) == pytest.approx([9, 0.1 / 9 * 10])
 
 
 def test_a_part_without_share_is_never_drawn() -> None:
-    made = marginal(X, {"kind": "histogram", "edges": [0, 1, 2, 3], "shares": [0, 1, 0]})
-    assert made.quantile(np.array([0, np.nextafter(1, 0)])) == pytest.approx([1, 2])
-    assert made.ratio(np.array([0.5, 1.5, 2.5, 7])) == pytest.approx([0, 10, 0, 0])
+    histogram = marginal(X, {"kind": "histogram", "edges": [0, 1, 2, 3], "shares": [0, 1, 0]})
+    assert histogram.quantile(np.array([0, np.nextafter(1, 0)])) == pytest.approx([1, 2])
+    assert histogram.ratio(np.array([0.5, 1.5, 2.5, 7])) == pytest.approx([0, 10, 0, 0])
 
 
 def test_an_integer_variable_has_whole_numbers() -> None:
-    made = marginal(COUNT, {"kind": "histogram", "edges": [1, 3, 5], "shares": [0.4, 0.6]})
-    values = made.quantile(np.linspace(0, 1, 30_000, endpoint=False))
+    histogram = marginal(COUNT, {"kind": "histogram", "edges": [1, 3, 5], "shares": [0.4, 0.6]})
+    values = histogram.quantile(np.linspace(0, 1, 30_000, endpoint=False))
     assert {value: round(float((values == value).mean()), 3) for value in range(1, 6)} == {
         1: 0.2,
         2: 0.2,
@@ -68,8 +68,8 @@ def test_an_integer_variable_has_whole_numbers() -> None:
 def test_both_ends_of_a_cyclic_integer_variable_are_one_value() -> None:
     hour = Variable("hour", "integer", low=0, high=4, step=1, cyclic=True)
     assert marginal(hour, {"kind": "uniform"}).shares == pytest.approx([0.25] * 4)
-    made = marginal(hour, {"kind": "histogram", "edges": [0, 2, 4], "shares": [0.8, 0.2]})
-    assert made.ratio(np.arange(5.0)) == pytest.approx([1.6, 1.6, 0.4, 0.4, 1.6])
+    histogram = marginal(hour, {"kind": "histogram", "edges": [0, 2, 4], "shares": [0.8, 0.2]})
+    assert histogram.ratio(np.arange(5.0)) == pytest.approx([1.6, 1.6, 0.4, 0.4, 1.6])
 
 
 def test_groups_share_their_part_evenly() -> None:
@@ -121,7 +121,10 @@ def test_points_keep_the_constraints_and_the_ratio_is_known_up_to_a_factor() -> 
 
 
 def test_an_exposure_that_the_constraints_exclude_is_refused(tmp_path: Path) -> None:
-    text = "description: d\nvariables: {kind: {kind: shares, shares: {a: 1, b: 0, c: 0}, source: none is known}}"
+    text = (
+        "description: d\nvariables: {kind: {kind: shares, shares: {a: 1, b: 0, c: 0}, source: "
+        "none is known}}"
+    )
     (tmp_path / "mine.yaml").write_text(text)
     read, space = (
         read_exposure(str(tmp_path / "mine.yaml")),
@@ -179,7 +182,7 @@ def test_a_deep_night_counts_as_the_lowest_altitude() -> None:
 
 
 @pytest.mark.parametrize(
-    ("variable", "plain", "told"),
+    ("variable", "plain", "problem"),
     [
         (X, {"kind": "histgram"}, "x: there is no kind 'histgram'; did you mean 'histogram'?"),
         (
@@ -237,11 +240,11 @@ def test_a_deep_night_counts_as_the_lowest_altitude() -> None:
     ],
 )
 def test_wrong_distributions_are_told_by_name(
-    variable: Variable, plain: dict[str, Any], told: str
+    variable: Variable, plain: dict[str, Any], problem: str
 ) -> None:
     with pytest.raises(ValueError) as error:  # noqa: PT011
         marginal(variable, plain)
-    assert told in str(error.value)
+    assert problem in str(error.value)
 
 
 def test_an_unknown_variable_and_wrong_regimes_are_told() -> None:
@@ -254,7 +257,7 @@ def test_an_unknown_variable_and_wrong_regimes_are_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "problem"),
     [
         ("{description: d, regime: {}}", "unknown key 'regime'; did you mean 'regimes'?"),
         (
@@ -265,10 +268,10 @@ def test_an_unknown_variable_and_wrong_regimes_are_told() -> None:
         ("[]", "expected keys with values, got []"),
     ],
 )
-def test_a_wrong_file_is_told_by_its_key(text: str, told: str, tmp_path: Path) -> None:
+def test_a_wrong_file_is_told_by_its_key(text: str, problem: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(text)
-    with pytest.raises(InputError, match=f"{re.escape(str(path))}: .*{re.escape(told)}"):
+    with pytest.raises(InputError, match=f"{re.escape(str(path))}: .*{re.escape(problem)}"):
         read_exposure(str(path))
 
 

@@ -28,21 +28,23 @@ def judged(version: str, over_seeds: bool = True, *parts: Part) -> Gate:
 
 
 def test_a_version_without_failures_passes() -> None:
-    found = judged("." * 60)
-    assert found.passes and [limit.judgement for limit in found.limits] == ["within the margin"]
+    judgement = judged("." * 60)
+    assert judgement.passes and [limit.judgement for limit in judgement.limits] == [
+        "within the margin"
+    ]
 
 
 def test_more_errors_hold_a_version_back() -> None:
-    found = judged("e" + "." * 59)
-    assert found.more_errors and not found.passes
+    judgement = judged("e" + "." * 59)
+    assert judgement.more_errors and not judgement.passes
     assert gate(outcomes("e" * 2 + "c" * 58), outcomes("." * 59 + "e"), True, (), POLICY).passes, (
         "as many or fewer errors do not"
     )
 
 
 def test_a_difference_that_is_not_significant_holds_a_version_back() -> None:
-    found = judged("." * 5 + "c" * 25 + "." * 30)
-    assert not found.fewer and not found.passes
+    judgement = judged("." * 5 + "c" * 25 + "." * 30)
+    assert not judgement.fewer and not judgement.passes
     assert judged("." * 6 + "c" * 24 + "." * 30).passes
 
 
@@ -52,21 +54,22 @@ def test_the_other_seeds_hold_a_version_back() -> None:
 
 def test_a_limit_above_the_margin_holds_a_version_back() -> None:
     second = Part("second half", "failures", np.arange(60) >= 30)
-    found = judged("." * 30 + "c" + "." * 29, True, ALL, second)
-    # One regression of 30 without a fix: the upper end of Wilson's interval of 1/30, 13.6 %; one-sided 95 % are two-sided 90 %.
-    (limit,) = found.limits_that_are("above the margin")
+    judgement = judged("." * 30 + "c" + "." * 29, True, ALL, second)
+    # One regression of 30 without a fix: the upper end of Wilson's interval of 1/30, 13.6 %;
+    # one-sided 95 % are two-sided 90 %.
+    (limit,) = judgement.limits_that_are("above the margin")
     assert (limit.name, limit.tests, limit.fixes, limit.regressions) == ("second half", 30, 0, 1)
     assert (
         limit.limit == pytest.approx(wilson_interval(1, 30, 0.9)[1])
-        and found.fewer
-        and not found.passes
+        and judgement.fewer
+        and not judgement.passes
     )
     assert judged("." * 60, True, ALL, second).passes
 
 
 def test_a_part_that_is_too_small_holds_nothing_back() -> None:
-    found = judged("." * 56 + "c" * 4, True, ALL, Part("few", "failures", np.arange(60) >= 50))
-    assert found.limits_that_are("too small to judge")[0].regressions == 4 and found.passes
+    judgement = judged("." * 56 + "c" * 4, True, ALL, Part("few", "failures", np.arange(60) >= 50))
+    assert judgement.limits_that_are("too small to judge")[0].regressions == 4 and judgement.passes
 
 
 @pytest.mark.parametrize(
@@ -87,10 +90,10 @@ def test_a_limit_is_judged_where_equal_results_could_meet_the_margin(
 
 
 def test_a_limit_counts_the_tests_that_are_valid_for_both() -> None:
-    found = limit_rise(
+    judgement = limit_rise(
         outcomes("cc.e."), outcomes(".ecc."), Part("all", "failures", np.ones(5, bool)), POLICY
     )
-    assert (found.tests, found.fixes, found.regressions) == (3, 1, 1)
+    assert (judgement.tests, judgement.fixes, judgement.regressions) == (3, 1, 1)
 
 
 def test_the_champion_fails_least_on_the_tests_that_all_executed() -> None:
@@ -117,9 +120,9 @@ def test_an_error_of_a_version_that_is_held_back_counts_for_no_champion() -> Non
 
 
 def test_a_limit_has_the_confidence_of_the_policy_and_not_that_of_its_tests() -> None:
-    found = limit_rise(
+    judgement = limit_rise(
         BASE, outcomes("c" * 31 + "." * 29), ALL, Policy(alpha=0.05, confidence=0.8, margin=0.1)
     )
-    assert found.limit == pytest.approx(wilson_interval(1, 60, 0.6)[1]), (
+    assert judgement.limit == pytest.approx(wilson_interval(1, 60, 0.6)[1]), (
         "one-sided 80 % are two-sided 60 %"
     )

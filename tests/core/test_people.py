@@ -47,24 +47,23 @@ def test_a_number_always_makes_the_same_people(number: int) -> None:
 
 
 @given(NUMBERS, NUMBERS)
-def test_two_populations_share_no_name_no_person_and_no_fingerprint(one: int, other: int) -> None:
-    if one != other:
-        first, second = population(one), population(other)
-        assert not set(first) & set(second) and fingerprint(one) != fingerprint(other)
-        looks = [
-            {
-                tuple(value for key, value in vars(p).items() if key != "name")
-                for p in people.values()
-            }
-            for people in (first, second)
-        ]
-        assert len(looks[0] | looks[1]) == 148
+def test_two_populations_share_no_name_no_person_and_no_fingerprint(
+    number: int, other: int
+) -> None:
+    if number == other:
+        return
+    first, second = population(number), population(other)
+    assert not set(first) & set(second) and fingerprint(number) != fingerprint(other)
+    looks = set()
+    for blueprint in (*first.values(), *second.values()):
+        looks.add(tuple(value for key, value in vars(blueprint).items() if key != "name"))
+    assert len(looks) == 148
 
 
 @given(NUMBERS)
 def test_everybody_is_found_by_name(number: int) -> None:
-    for name, known in population(number).items():
-        assert person(name) == known
+    for name, blueprint in population(number).items():
+        assert person(name) == blueprint
 
 
 @pytest.mark.parametrize("name", ["W 00", "W 001", "X 01", "W01", "W 1", ""])
@@ -106,12 +105,12 @@ def test_people_follow_the_described_distribution() -> None:
 
 def test_the_variable_describes_each_person() -> None:
     plain, people = variable(2), population(2)
-    known = plain["attributes"]
+    attributes = plain["attributes"]
     assert plain["values"] == list(people)
-    assert known["height_m"] == [p.height for p in people.values()]
+    assert attributes["height_m"] == [p.height for p in people.values()]
     for name in ("umbrella", "bag", "hat", "skirt"):
-        assert known[name] == [getattr(p, name) for p in people.values()]
+        assert attributes[name] == [getattr(p, name) for p in people.values()]
     for part in ("top", "trousers"):
-        assert known[f"{part}_brightness"] == pytest.approx(
+        assert attributes[f"{part}_brightness"] == pytest.approx(
             [np.mean(getattr(p, part)) for p in people.values()], abs=5.1e-4
         )

@@ -1,4 +1,4 @@
-"""Progress reaches a log at most once a second, and always at the end; the time left follows the speed since the first report."""
+"""Progress reaches a log at most once a second and at the end, with the time left."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ def test_a_log_gets_a_line_a_second_and_the_last(
 def test_the_time_left_leaves_out_the_start_and_what_was_done_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Started at 0 s; 20 s until the first report of a resumed run, then ten a second; another part begins at 40 s.
+    # Started at 0 s; 20 s until the first report of a resumed run, then ten a second; another part
+    # begins at 40 s.
     clock = iter([0.0, 20.0, 22.0, 24.0, 40.0, 42.0])
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))
     log = tmp_path / "step.log"

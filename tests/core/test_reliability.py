@@ -30,8 +30,8 @@ def test_platt_finds_the_calibration_that_made_the_data() -> None:
     rng = np.random.default_rng(0)
     scores = rng.uniform(0.02, 0.98, 20_000)
     right = rng.random(20_000) < Calibration(2.0, 1.0).apply(scores)
-    found = platt(scores, right)
-    assert (found.slope, found.offset) == pytest.approx((2.0, 1.0), abs=0.1)
+    calibration = platt(scores, right)
+    assert (calibration.slope, calibration.offset) == pytest.approx((2.0, 1.0), abs=0.1)
 
 
 @pytest.mark.parametrize("right", [[True, True, True], [False, False, False], [True, False, False]])

@@ -47,15 +47,15 @@ def test_a_word_is_preferred_to_an_attribute_and_an_attribute_to_names() -> None
 
 
 def test_words_describe_people_and_poses() -> None:
-    known = {word.text: word.values for word in meanings(SPACE, WORDS)}
+    values = {word.text: word.values for word in meanings(SPACE, WORDS)}
     names = SPACE.variables[PERSON].values
-    assert {names[i] for i in known["child"]} == {name for name in names if person(name).child}
-    assert set(known["child"]) | set(known["adult"]) == set(range(len(names)))
-    assert {names[i] for i in known["under an umbrella"]} == {
+    assert {names[i] for i in values["child"]} == {name for name in names if person(name).child}
+    assert set(values["child"]) | set(values["adult"]) == set(range(len(names)))
+    assert {names[i] for i in values["under an umbrella"]} == {
         name for name in names if person(name).umbrella
     }
-    assert known["stumbling"] == (SPACE.variables[POSE].values.index("stumble"),)
-    assert len(known) == len(WORDS) and meanings(SMALL, WORDS) == ()
+    assert values["stumbling"] == (SPACE.variables[POSE].values.index("stumble"),)
+    assert len(values) == len(WORDS) and meanings(SMALL, WORDS) == ()
 
 
 def test_bounds_are_round_unless_the_tests_tell_better() -> None:
@@ -73,7 +73,9 @@ def test_bounds_are_round_unless_the_tests_tell_better() -> None:
         (CUT, Condition(0, 20, 50), "fog in [20, 50] %"),
     ],
 )
-def test_integers_categories_and_cuts_have_rules_too(space, condition, text) -> None:  # type: ignore[no-untyped-def]
+def test_integers_categories_and_cuts_have_rules_too(
+    space: Space, condition: Condition, text: str
+) -> None:
     points = space.sample(3000, np.random.default_rng(1))
     assert find_rule(space, points, condition.holds(points)).rule.text(space) == text
 
@@ -82,8 +84,8 @@ def test_integers_categories_and_cuts_have_rules_too(space, condition, text) -> 
 def test_the_text_of_an_attribute_is_its_bound(population: int) -> None:
     """1.7000000000000002 is shown as 1.7, but a person of 1.7 m would not be in the rule."""
     blueprint = Space.from_dict({people.VARIABLE: people.variable(population)}).variables[0]
-    for _, known in blueprint.attributes:
-        numbers, bounds = np.array(known), _readable(np.array(known))
+    for _, attribute in blueprint.attributes:
+        numbers, bounds = np.array(attribute), _readable(np.array(attribute))
         assert [((numbers >= b) == (numbers >= float(f"{b:g}"))).all() for b in bounds] == [
             True
         ] * len(bounds)
@@ -91,7 +93,7 @@ def test_the_text_of_an_attribute_is_its_bound(population: int) -> None:
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_a_name_with_many_failures_pays_no_more_for_others_by_chance(seed: int) -> None:
-    """Value 1 fails in 35 of 40 tests, 72 others in 15 % of a few tests each, some of which fail always."""
+    """Value 1 fails in 35 of 40 tests, 72 others in 15 % of a few tests; some fail always."""
     rng = np.random.default_rng(seed)
     values, failed = (
         np.concatenate([np.ones(40), rng.integers(2, 74, size=200)]),
@@ -151,8 +153,8 @@ def test_of_equally_good_intervals_one_of_them_is_chosen() -> None:
         ]
     )
     failed = np.arange(len(fog)) < 18
-    found = find_rule(space, fog[:, None], failed)
-    assert failed[found.rule.holds(fog[:, None])].sum() == 9 and found.rule.text(space) in (
+    result = find_rule(space, fog[:, None], failed)
+    assert failed[result.rule.holds(fog[:, None])].sum() == 9 and result.rule.text(space) in (
         "fog in [20, 30] %",
         "fog in [70, 80] %",
     )

@@ -1,4 +1,4 @@
-"""Temporal categories: against a plain loop over frames, with unknown frames as three-valued logic has them, and through the command."""
+"""Temporal categories: against a plain loop over frames, and through the command."""
 
 from __future__ import annotations
 
@@ -113,23 +113,22 @@ def test_a_category_is_what_every_completion_of_the_unknown_frames_has(
         number,
         len(sequences),
     )
-    for outcome, rows, own in zip(rule.outcomes(frames).tolist(), sequences, times, strict=True):
-        choices = [
-            [
-                [value] if value >= 0 else range(size)
-                for value, size in zip(row, (2, 3), strict=True)
-            ]
-            for row in rows
-        ]
-        completions = product(*(list(product(*row)) for row in choices))
-        possible = {named(rule, one, own) for one in completions}
+    for outcome, rows, row_times in zip(
+        rule.outcomes(frames).tolist(), sequences, times, strict=True
+    ):
+        choices = []
+        for sky, speed in rows:
+            skies = [sky] if sky >= 0 else range(2)
+            choices.append(list(product(skies, [speed] if speed >= 0 else range(3))))
+        possible = {named(rule, completion, row_times) for completion in product(*choices)}
         if outcome >= 0:
             assert possible == {rule.labels[outcome]}
-        else:  # Three-valued logic is sound, but finds not every answer on which all completions agree.
+        # Three-valued logic is sound, but misses answers on which all completions agree.
+        else:
             assert any(-1 in row for row in rows) or possible == {CHANGES}
 
 
-def said(folder: Path, verb: str, table: str = TABLE, space: str = SPACE) -> tuple[int, str]:
+def answer(folder: Path, verb: str, table: str = TABLE, space: str = SPACE) -> tuple[int, str]:
     (folder / "space.yaml").write_text(space)
     (folder / "frames.csv").write_text(table)
     words = [
@@ -147,14 +146,15 @@ def said(folder: Path, verb: str, table: str = TABLE, space: str = SPACE) -> tup
 
 
 def test_sequences_of_a_table_of_frames_are_scored_and_proposed(tmp_path: Path) -> None:
-    code, text = said(tmp_path, "score")
-    found = json.loads(text)
-    # a: rain then sun, rising, sun alone, city. b: rain then sun, falling, fast before sun, rural. c: sky and road are open at its end.
-    assert code == 0 and (found["rows"], found["points"], found["partial"]) == (3, 3, 1)
-    assert {one["cause"] for one in found["causes"]} == {
+    code, text = answer(tmp_path, "score")
+    score = json.loads(text)
+    # a: rain then sun, rising, sun alone, city. b: rain then sun, falling, fast before sun, rural.
+    # c: sky and road are open at its end.
+    assert code == 0 and (score["rows"], score["points"], score["partial"]) == (3, 3, 1)
+    assert {cause["cause"] for cause in score["causes"]} == {
         "sequence c: road must be one of city, rural, got nothing",
     }
-    _, proposed = said(tmp_path, "propose")
+    _, proposed = answer(tmp_path, "propose")
     assert set(json.loads(proposed)["points"][0]) == {
         "rain_then_sun",
         "speed_course",
@@ -187,7 +187,7 @@ def test_an_end_of_the_time_is_within_it_however_its_difference_is_rounded() -> 
 
 
 def test_points_are_proposed_from_an_empty_table_of_frames(tmp_path: Path) -> None:
-    code, text = said(tmp_path, "propose", table=TABLE.splitlines()[0] + "\n")
+    code, text = answer(tmp_path, "propose", table=TABLE.splitlines()[0] + "\n")
     assert (
         code == 0
         and json.loads(text)["before"]["numerator"] == 0
@@ -236,7 +236,8 @@ def _written(folder: Path, text: str) -> Path:
         ),
         (
             (", then: sky = sun", ""),
-            "variables.rain_then_sun.then: expected a condition on a frame such as rain >= 40, got null",
+            "variables.rain_then_sun.then: expected a condition on a frame such as rain >= 40, "
+            "got null",
         ),
         (
             ("course: speed", "course: sky"),
@@ -244,7 +245,8 @@ def _written(folder: Path, text: str) -> Path:
         ),
         (
             ("course: speed", "course: sped"),
-            "variables.speed_course.course: there is no condition of frames sped; did you mean 'speed'?",
+            "variables.speed_course.course: there is no condition of frames sped; did you mean "
+            "'speed'?",
         ),
         (
             ("speed_course:", "speed:"),
@@ -265,7 +267,7 @@ def _written(folder: Path, text: str) -> Path:
     ],
 )
 def test_a_wrong_rule_is_named(change: tuple[str, str], message: str, tmp_path: Path) -> None:
-    code, error = said(tmp_path, "score", space=SPACE.replace(*change, 1))
+    code, error = answer(tmp_path, "score", space=SPACE.replace(*change, 1))
     assert code == 2 and message in error
 
 
@@ -284,5 +286,5 @@ def test_a_wrong_rule_is_named(change: tuple[str, str], message: str, tmp_path: 
 def test_a_wrong_table_of_frames_is_named(
     change: tuple[str, str], message: str, tmp_path: Path
 ) -> None:
-    code, error = said(tmp_path, "score", table=TABLE.replace(*change, 1))
+    code, error = answer(tmp_path, "score", table=TABLE.replace(*change, 1))
     assert code == 2 and message in error

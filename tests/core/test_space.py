@@ -120,7 +120,8 @@ def test_an_almost_empty_space_is_refused() -> None:
     space = Space(grains, tuple((f"{name} = 7",) for name in "abc"))
     with pytest.raises(
         InputError,
-        match="^constraints: they exclude almost the whole space: none of [0-9]+ random points satisfies them$",
+        match="^constraints: they exclude almost the whole space: none of [0-9]+ random points "
+        "satisfies them$",
     ):
         space.sample(1, np.random.default_rng(0))
 
@@ -129,9 +130,8 @@ def test_narrow_constraints_leave_independent_uniform_points() -> None:
     narrow = Space(THESIS.variables, (("blueprint = W 01",), ("animation = crouching",)))
     points = narrow.sample(3000, np.random.default_rng(0))
     assert narrow.violation(points) is None and len(np.unique(points, axis=0)) == 3000
-    low, high = (
-        np.array([getattr(v, end) for v in THESIS.variables[:6]]) for end in ("low", "high")
-    )
+    low = np.array([variable.low for variable in THESIS.variables[:6]])
+    high = np.array([variable.high for variable in THESIS.variables[:6]])
     shares = (points[:, :6] - low) / (high - low)
     assert shares.mean(axis=0) == pytest.approx(np.full(6, 0.5), abs=0.03)
     assert shares.std(axis=0) == pytest.approx(np.full(6, 12**-0.5), abs=0.01)
@@ -151,7 +151,10 @@ def test_a_scenario_that_breaks_a_constraint_is_named_with_the_values_of_its_cla
 
 
 def test_contradictory_constraints_are_refused_with_a_minimal_set_of_clauses() -> None:
-    text = "constraints: these contradict each other, so no point is left: [kind = a]; [count = 2, kind != a]; [count != 2]"
+    text = (
+        "constraints: these contradict each other, so no point is left: [kind = a]; [count = "
+        "2, kind != a]; [count != 2]"
+    )
     with pytest.raises(ValueError, match=f"^{re.escape(text)}$"):
         Space(
             SMALL.variables,

@@ -83,7 +83,8 @@ def test_coverage_is_scored_and_drawn(tmp_path: Path) -> None:
         "figures",
     ]
     done = python(
-        f"import os; os.chdir({str(tmp_path)!r}); from pipeline.__main__ import main; sys.exit(main({words}))",
+        f"import os; os.chdir({str(tmp_path)!r}); from pipeline.__main__ import main; "
+        f"sys.exit(main({words}))",
         tmp_path,
     )
     assert done.returncode == 0, done.stderr
@@ -96,9 +97,18 @@ def test_coverage_is_scored_and_drawn(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("module", "extra"),
-    [("cv2", "simulation"), ("mujoco", "simulation"), ("hydra.utils", "simulation"), ("torch", "detectors"), ("onnx", "detectors"),
-     ("onnxruntime.capi", "detectors"), ("snakemake", "workflow"), ("jinja2", "workflow"), ("transformers", "hugging-face")],
-)  # fmt: skip
+    [
+        ("cv2", "simulation"),
+        ("mujoco", "simulation"),
+        ("hydra.utils", "simulation"),
+        ("torch", "detectors"),
+        ("onnx", "detectors"),
+        ("onnxruntime.capi", "detectors"),
+        ("snakemake", "workflow"),
+        ("jinja2", "workflow"),
+        ("transformers", "hugging-face"),
+    ],
+)
 def test_a_missing_module_names_its_extra(module: str, extra: str) -> None:
     error = missing_extra(ModuleNotFoundError(name=module))
     name = module.partition(".")[0]
@@ -136,5 +146,6 @@ def test_a_command_without_its_extra_ends_with_one_line(
     assert done.returncode == 2
     assert (
         done.stderr
-        == f"blindspot {command}: needs {module}, which is not installed; type: pip install 'blindspot[{extra}]'\n"
+        == f"blindspot {command}: needs {module}, which is not installed; type: pip install "
+        f"'blindspot[{extra}]'\n"
     )

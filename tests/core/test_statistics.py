@@ -75,7 +75,8 @@ def test_mcnemar_of_equal_versions_and_unequal_lists() -> None:
 
 @pytest.mark.parametrize(
     ("regressions", "fixes", "tests", "low", "high"),
-    # Fagerland, Lydersen & Laake 2017, chapter 8: Tango's 95 % intervals of Bentur et al. 2009 and Cavo et al. 2012.
+    # Fagerland, Lydersen & Laake 2017, chapter 8: Tango's 95 % intervals of Bentur et al. 2009 and
+    # Cavo et al. 2012.
     [(1, 7, 21, -0.5172, -0.0260), (6, 16, 161, -0.1240, -0.0054)],
 )
 def test_the_rise_limits_of_published_tables(
@@ -125,7 +126,8 @@ def test_the_rise_limit_has_its_nominal_coverage(tests: int) -> None:
                 * down**fixes
                 * (1 - up - down) ** neither
             )
-        # Counts are whole numbers, so no method hits 0.95 everywhere. A two-sided limit would hold in 0.975 of cases.
+        # Counts are whole numbers, so no method hits 0.95 everywhere. A two-sided limit would hold
+        # in 0.975 of cases.
         assert 0.925 < held < 0.97
 
 
@@ -151,7 +153,8 @@ def test_one_against_several_is_mcnemar_for_one_other_version() -> None:
 
 
 def test_one_against_several_counts_each_place_of_the_one() -> None:
-    # One failure among three versions: the one has it with a chance of 1/3. Expected: 2/3, so 2 is the only sum as far away.
+    # One failure among three versions: the one has it with a chance of 1/3. Expected: 2/3, so 2 is
+    # the only sum as far away.
     assert one_against_several([1, 1], [0, 0], 2) == pytest.approx(1 / 9)
     # 0 is 2/3 away, and only 2 is as far or farther.
     assert one_against_several([0, 0], [1, 1], 2) == pytest.approx(4 / 9 + 1 / 9)
@@ -161,12 +164,10 @@ def test_one_against_several_counts_each_place_of_the_one() -> None:
 def test_one_against_several_is_no_more_often_significant_than_it_says() -> None:
     rng, alpha = np.random.default_rng(0), 0.05
     failed = rng.random((400, 6, 20)) < 0.9
-    own = [one_against_several(versions[0], versions[1:].sum(axis=0), 5) for versions in failed]
-    flips = [sign_flip((versions[1:].astype(int) - versions[0]).sum(axis=0)) for versions in failed]
-    exact, too_often = (
-        binom.sf(sum(p_value <= alpha for p_value in p_values) - 1, 400, alpha)
-        for p_values in (own, flips)
-    )
+    p_values = [one_against_several(each[0], each[1:].sum(axis=0), 5) for each in failed]
+    flips = [sign_flip((each[1:].astype(int) - each[0]).sum(axis=0)) for each in failed]
+    exact = binom.sf(np.sum(np.array(p_values) <= alpha) - 1, 400, alpha)
+    too_often = binom.sf(np.sum(np.array(flips) <= alpha) - 1, 400, alpha)
     assert exact > 0.01 > too_often, (
         "the differences from one version are not symmetric, so their signs must not be flipped"
     )
@@ -179,16 +180,17 @@ def test_one_against_several_refuses_impossible_counts(others: list[int]) -> Non
 
 
 def test_the_censored_mean_by_hand() -> None:
-    # Kaplan-Meier: 1 until 1, 3/4 until 3 (2 is censored), 3/8 until 5, the largest: 1 + 2 * 3/4 + 2 * 3/8.
-    found = censored_mean([1, 2, 3, 5], [True, False, True, False])
-    assert found.value == pytest.approx(3.25) and found.censored == 2
-    assert found.low < 3.25 < found.high
+    # Kaplan-Meier: 1 until 1, 3/4 until 3 (2 is censored), 3/8 until 5, the largest: 1 + 2 * 3/4 +
+    # 2 * 3/8.
+    mean = censored_mean([1, 2, 3, 5], [True, False, True, False])
+    assert mean.value == pytest.approx(3.25) and mean.censored == 2
+    assert mean.low < 3.25 < mean.high
 
 
 def test_without_censoring_it_is_the_plain_mean() -> None:
     values = [3.0, 8.0, 2.0, 2.0]
-    found = censored_mean(values, [True] * 4)
-    assert (found.value, found.low, found.high) == pytest.approx(
+    mean = censored_mean(values, [True] * 4)
+    assert (mean.value, mean.low, mean.high) == pytest.approx(
         (3.75, *mean_interval(values, limits=(0, np.inf)))
     )
     single = censored_mean([7], [True])
@@ -196,15 +198,15 @@ def test_without_censoring_it_is_the_plain_mean() -> None:
 
 
 def test_censoring_at_one_budget_gives_the_mean_of_what_was_spent() -> None:
-    found, spent = censored_mean([3, 80, 80, 17], [True, False, False, True]), [3, 80, 80, 17]
-    assert (found.value, found.low, found.high) == pytest.approx(
+    mean, spent = censored_mean([3, 80, 80, 17], [True, False, False, True]), [3, 80, 80, 17]
+    assert (mean.value, mean.low, mean.high) == pytest.approx(
         (45, *mean_interval(spent, limits=(0, 80)))
     )
 
 
 def test_if_all_are_censored_the_mean_is_a_bound() -> None:
-    found = censored_mean([80, 60], [False, False])
-    assert (found.value, found.low, found.high, found.censored) == (80, 80, 80, 2)
+    mean = censored_mean([80, 60], [False, False])
+    assert (mean.value, mean.low, mean.high, mean.censored) == (80, 80, 80, 2)
 
 
 @pytest.mark.parametrize(
@@ -222,7 +224,7 @@ def test_bootstrap_of_two_values() -> None:
 
 
 def test_the_ratio_is_of_resampled_pairs() -> None:
-    """Twice the reference in every pair is twice the reference in every resample, however far apart the pairs are."""
+    """Twice the reference in every pair is twice it in every resample."""
     reference = np.array([1.0, 50, 9, 200])
     assert bootstrap_ratio(2 * reference, reference, np.random.default_rng(0)) == pytest.approx(
         (2, 2)
@@ -261,5 +263,5 @@ def test_vargha_delaney_refuses_a_missing_value() -> None:
 
 
 def test_the_limits_of_a_restricted_mean_do_not_exceed_its_largest_value() -> None:
-    found = censored_mean([10, 100, 100], [True, False, False])
-    assert (found.value, found.high) == (70, 100)
+    mean = censored_mean([10, 100, 100], [True, False, False])
+    assert (mean.value, mean.high) == (70, 100)

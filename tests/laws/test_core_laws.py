@@ -66,10 +66,12 @@ def test_each_frame_has_at_most_one_true_positive_and_every_detection_an_outcome
     rng = np.random.default_rng(seed)
     box = (20.0, 20.0, 40.0, 60.0)
     boxes = np.array(box) + rng.normal(0, 8, (count, 4))
-    found = Detections(
+    detections = Detections(
         boxes.astype(np.float32), np.sort(rng.random(count).astype(np.float32))[::-1]
     )
-    result = match(found, Truth(box, box, int(rng.integers(0, 60)), 800, float(rng.uniform(0, 16))))
+    result = match(
+        detections, Truth(box, box, int(rng.integers(0, 60)), 800, float(rng.uniform(0, 16)))
+    )
     outcomes = result.outcomes
     assert len(outcomes) == count and outcomes.count("true_positive") <= 1
     assert (
@@ -120,10 +122,9 @@ def constrained(draw: st.DrawFn) -> Constraints:
         variable = draw(st.integers(0, len(sizes) - 1))
         return Literal(variable, draw(st.integers(0, sizes[variable] - 1)), draw(st.booleans()))
 
-    clauses = [
-        tuple(literal() for _ in range(draw(st.integers(1, 3))))
-        for _ in range(draw(st.integers(0, 6)))
-    ]
+    clauses = []
+    for _ in range(draw(st.integers(0, 6))):
+        clauses.append(tuple(literal() for _ in range(draw(st.integers(1, 3)))))
     return Constraints(sizes, tuple(clauses))
 
 
@@ -172,11 +173,11 @@ def test_the_f_measure_is_the_test_at_which_the_sequence_reaches_n(
     failures: list[bool], n: int
 ) -> None:
     theta = failure_sequence(failures)
-    found = f_measure(theta, n)
-    if found is None:
+    needed = f_measure(theta, n)
+    if needed is None:
         assert sum(failures) < n
     else:
-        assert failures[found - 1] and theta[found - 1] == n
+        assert failures[needed - 1] and theta[needed - 1] == n
 
 
 @given(st.integers(0, 200), st.integers(0, 200))
@@ -190,9 +191,9 @@ def test_the_wilson_interval_contains_the_share(successes: int, others: int) -> 
 @given(st.lists(st.tuples(st.booleans(), st.booleans())))
 def test_mcnemar_is_symmetric(tests: list[tuple[bool, bool]]) -> None:
     before, after = [b for b, _ in tests], [a for _, a in tests]
-    one, other = mcnemar(before, after), mcnemar(after, before)
-    assert (one.fixes, one.regressions) == (other.regressions, other.fixes)
-    assert one.p_value == other.p_value and 0 < one.p_value <= 1
+    there, back = mcnemar(before, after), mcnemar(after, before)
+    assert (there.fixes, there.regressions) == (back.regressions, back.fixes)
+    assert there.p_value == back.p_value and 0 < there.p_value <= 1
 
 
 @given(

@@ -273,7 +273,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("filter.overrules=/etc/passwd", "filter.overrules: expected a path inside the project"),
         (
             "+tested.mine='a{1}.onnx'",
-            "tested.mine: expected a path without braces, which Snakemake takes for wildcards, "
+            "tested.mine: expected a path without braces, which are Snakemake's wildcards, "
             "got 'a{1}.onnx'",
         ),
         (
