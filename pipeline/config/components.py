@@ -17,12 +17,12 @@ from pydantic.errors import PydanticUserError
 from pipeline.config.messages import message
 from pipeline.config.schema import AUDIT, Config
 from pipeline.config.targets import named
-from pipeline.core.car import Car
+from pipeline.core.braking import Vehicle
 from pipeline.core.lineage import VERSION_FILES, WEIGHTS_SUFFIX
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError, shown
-from pipeline.protocols import Admitted, Detector, Sampler, Simulator
+from pipeline.protocols import Admitted, Detector, Sampler, World
 from pipeline.scenarios.functional import FunctionalScenario
 
 STORED_FROM = 0.05
@@ -46,15 +46,17 @@ class Kind:
         )
 
 
-SIMULATOR = Kind(Simulator, ("scenario", "car"))
+WORLD = Kind(World, ("scenario", "vehicle"))
 DETECTOR = Kind(Detector, ("model",))
 SAMPLER = Kind(Sampler, ("space", "seed"), ("earlier",))
 
 
-def make_simulator(section: Mapping[str, Any], scenario: FunctionalScenario, car: Car) -> Simulator:
-    """The simulator of a section of the config."""
-    made: Simulator = component("simulator", SIMULATOR, section)(scenario=scenario, car=car)
-    return made
+def make_world(
+    section: Mapping[str, Any], scenario: FunctionalScenario, vehicle: Vehicle
+) -> World:
+    """The world of the config's section `simulator`."""
+    world: World = component("simulator", WORLD, section)(scenario=scenario, vehicle=vehicle)
+    return world
 
 
 def make_detector(section: Mapping[str, Any], model: Path) -> Detector:
@@ -92,12 +94,11 @@ def component(key: str, kind: Kind, section: Mapping[str, Any]) -> Callable[...,
 def check_components(config: Config) -> None:
     """Check every class and all its settings, and that named files exist; InputError that names the key.
 
-    Strategies are made. Of simulators and detectors, which need OpenGL and a model, the signature is checked.
+    Strategies are made. Of worlds and detectors, which need OpenGL and a model, the signature is checked.
     """
-    component("simulator", SIMULATOR, config.simulator)
+    component("simulator", WORLD, config.simulator)
     _check_needs(config)
     _check_points(config)
-    _check_noise(config)
     component("detector", DETECTOR, config.detector)
     _check_threshold(config)
     for name, section in config.samplers.items():
@@ -156,7 +157,7 @@ def _check_files(config: Config) -> None:
 def _check_needs(config: Config) -> None:
     """The variables of each scenario are those that the simulator needs; it uses others if it is not closed."""
     target = config.simulator["_target_"]
-    simulator = _class("simulator._target_", SIMULATOR, target)
+    simulator = _class("simulator._target_", WORLD, target)
     needs: Mapping[str, Admitted] = getattr(simulator, "needs", {})
     for scenario in (*config.search, *config.held_out):
         variables = {variable.name: variable for variable in config.space(scenario).variables}
@@ -188,17 +189,6 @@ def _check_points(config: Config) -> None:
             config.space(scenario).sample(1, np.random.default_rng(0))
         except InputError as error:
             raise InputError(f"scenarios.{scenario}.{error}") from error
-
-
-def _check_noise(config: Config) -> None:
-    """A simulator that executes failures with changes can give them the noise that they had."""
-    target = config.simulator["_target_"]
-    simulator = _class("simulator._target_", SIMULATOR, target)
-    parameters = inspect.signature(simulator.execute).parameters  # type: ignore[attr-defined]
-    if config.regions.explain and "noise" not in parameters:
-        raise InputError(
-            f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', got {config.regions.explain}"
-        )
 
 
 def _check_threshold(config: Config) -> None:
@@ -242,9 +232,9 @@ def _check_learning(config: Config) -> None:
 
 def _class(key: str, kind: Kind, target: str) -> type:
     found = named(key, target)
-    wanted = (
-        f"{key}: expected a class with {' and '.join(kind.methods)}, a {kind.protocol.__name__}"
-    )
+    *most, last = kind.methods
+    methods = f"{', '.join(most)} and {last}" if most else last
+    wanted = f"{key}: expected a class with {methods}, a {kind.protocol.__name__}"
     if not isinstance(found, type) or not all(
         callable(getattr(found, method, None)) for method in kind.methods
     ):

@@ -23,11 +23,11 @@ def episode(setup: Setup, concrete: Mapping[str, Value]) -> Episode:
 
 
 def _execution(setup: Setup, calls: Calls) -> Callable[[Mapping[str, Value]], Episode]:
-    simulator, detector = guarded(setup, calls)
+    tests = guarded(setup, calls)
 
     def execute(concrete: Mapping[str, Value]) -> Episode:
         try:
-            return simulator.execute(concrete, detector, setup.keep_every)
+            return tests.run(concrete)
         except SimulationError as error:
             raise InputError(f"the scenario cannot be executed: {error}") from error
 

@@ -14,7 +14,7 @@ from typing import Any
 from pipeline.artefacts.calibration_results import DetectorCalibration, read_calibration
 from pipeline.artefacts.files import program_sha256, sha256
 from pipeline.artefacts.folders import Folders
-from pipeline.config.components import make_detector, make_simulator
+from pipeline.config.components import make_detector, make_world
 from pipeline.config.schema import Config
 from pipeline.config.sections import Limits
 from pipeline.core.car import Car
@@ -22,7 +22,7 @@ from pipeline.core.space import Value
 from pipeline.detectors.calibrated import as_tested
 from pipeline.errors import SimulationError
 from pipeline.execution import journal
-from pipeline.execution.guarded import GuardedDetector, GuardedSimulator
+from pipeline.execution.guarded import GuardedDetector, GuardedTests
 from pipeline.execution.journal import Outcome
 from pipeline.execution.pool import Pool
 from pipeline.execution.worker import Broken, Calls
@@ -43,7 +43,8 @@ class Execution:
 class Setup:
     """What every process executes tests with.
 
-    simulator, detector: sections of the config. model: the detector's file. limits: of a test. keep_every: see `Simulator.execute`.
+    simulator, detector: sections of the config. model: the detector's file. limits: of a test.
+    keep_every: see `pipeline.core.loop.run_test`.
     """
 
     simulator: Mapping[str, Any]
@@ -104,7 +105,7 @@ class Setup:
 
 
 class Workers:
-    """A pool of processes, each with its own simulator and detector."""
+    """A pool of processes, each with its own world and detector."""
 
     def __init__(self, count: int, setup: Setup) -> None:
         self._pool: Pool[Execution, None] = Pool(count, partial(_executor, setup), setup.limits)
@@ -126,22 +127,21 @@ class Workers:
         self._pool.close()
 
 
-def guarded(setup: Setup, calls: Calls) -> tuple[GuardedSimulator, GuardedDetector]:
-    """The simulator and the detector of one process."""
-    simulator = GuardedSimulator(make_simulator(setup.simulator, setup.scenario, setup.car))
-    return simulator, GuardedDetector(make_detector(setup.detector, setup.model), calls)
+def guarded(setup: Setup, calls: Calls) -> GuardedTests:
+    """What executes the tests of one process: a world and a detector of its own."""
+    world = make_world(setup.simulator, setup.scenario, setup.car.vehicle)
+    detector = GuardedDetector(make_detector(setup.detector, setup.model), calls)
+    return GuardedTests(world, detector, setup.car, setup.keep_every)
 
 
 def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
-    simulator, detector = guarded(setup, calls)
+    tests = guarded(setup, calls)
 
     def execute(job: Execution) -> None:
         started = time.perf_counter()
         try:
-            outcome = Outcome.of(
-                simulator.execute(job.concrete, detector, setup.keep_every, job.noise),
-                time.perf_counter() - started,
-            )
+            episode = tests.run(job.concrete, job.noise)
+            outcome = Outcome.of(episode, time.perf_counter() - started)
         except SimulationError as error:
             outcome = Outcome.error(str(error), time.perf_counter() - started)
         journal.write(job.path, outcome, job.concrete)

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .weather import Weather
-from .world import (
+from pipeline.simulators.mujoco.weather import Weather
+from pipeline.simulators.mujoco.model import (
     CAMERA_X_M,
     HEADLIGHT_AXIS,
     HEADLIGHT_COLOUR,

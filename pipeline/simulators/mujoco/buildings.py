@@ -8,8 +8,8 @@ import numpy as np
 
 from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
 
-from .mesh import Mesh, Site
-from .style import STYLES, Style
+from pipeline.simulators.mujoco.mesh import Mesh, Site
+from pipeline.simulators.mujoco.style import STYLES, Style
 
 HOUSE_DEPTH = 10.0
 

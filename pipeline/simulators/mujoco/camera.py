@@ -12,10 +12,10 @@ from pipeline.core.boxes import Box
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
 
-from .culling import Culling
-from .lens import CameraSettings, Lens, Sun
-from .pedestrian import GROUP
-from .weather import Weather, WeatherControl
+from pipeline.simulators.mujoco.culling import Culling
+from pipeline.simulators.mujoco.lens import CameraSettings, Lens, Sun
+from pipeline.simulators.mujoco.pedestrian import GROUP
+from pipeline.simulators.mujoco.weather import Weather, WeatherControl
 
 MAX_GEOMS = 1500
 DEPTH_TOLERANCE = 1e-4

@@ -13,11 +13,11 @@ from pipeline.core.paths import Pose
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
 from pipeline.scenarios.people import population
 
-from . import gait
-from .gait import ANIMATIONS
-from .lens import CameraSettings
-from .stage import Stage
-from .weather import Weather
+from pipeline.simulators.mujoco import gait
+from pipeline.simulators.mujoco.gait import ANIMATIONS
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.stage import Stage
+from pipeline.simulators.mujoco.weather import Weather
 
 Pixels = NDArray[np.uint8]
 WEATHERS = {

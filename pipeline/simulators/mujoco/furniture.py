@@ -17,8 +17,8 @@ from pipeline.scenarios.streets import (
     streets,
 )
 
-from .mesh import Mesh, place
-from .style import STYLES, Style
+from pipeline.simulators.mujoco.mesh import Mesh, place
+from pipeline.simulators.mujoco.style import STYLES, Style
 
 GEOM = mujoco.mjtGeom
 LAMP_SPACING = 22.0

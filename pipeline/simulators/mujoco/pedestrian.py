@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.scenarios.people import Blueprint
 
-from .gait import REFERENCE_HEIGHT_M, Posture
+from pipeline.simulators.mujoco.gait import REFERENCE_HEIGHT_M, Posture
 
 GEOM = mujoco.mjtGeom
 GROUP = 2

@@ -24,10 +24,10 @@ from pipeline.scenarios.functional import (
 from pipeline.scenarios.people import FIRST_RANDOM, fingerprint, population
 from pipeline.scenarios.streets import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
 
-from . import gait
-from .gait import ANIMATIONS
-from .lens import CameraSettings
-from .stage import Stage, weather_of
+from pipeline.simulators.mujoco import gait
+from pipeline.simulators.mujoco.gait import ANIMATIONS
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.stage import Stage, weather_of
 
 PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35

@@ -16,11 +16,11 @@ from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, HALF_LENGTHS_M, Act
 from pipeline.scenarios.people import population
 from pipeline.scenarios.streets import LANE_WIDTH, Street, Town, streets
 
-from . import gait
-from .lens import CameraSettings
-from .pedestrian import GROUP
-from .stage import Stage
-from .weather import Weather
+from pipeline.simulators.mujoco import gait
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.pedestrian import GROUP
+from pipeline.simulators.mujoco.stage import Stage
+from pipeline.simulators.mujoco.weather import Weather
 
 CLASSES = (
     "sky", "road", "lane marking", "pavement", "terrain", "building", "vegetation", "street furniture", "pedestrian", "other vehicle",

@@ -15,12 +15,12 @@ from pipeline.scenarios.functional import Actor
 from pipeline.scenarios.people import Blueprint, person
 from pipeline.scenarios.streets import Town
 
-from . import gait, world
-from .camera import Camera
-from .furniture import lamp_positions
-from .lens import CameraSettings
-from .pedestrian import Pedestrian
-from .weather import Weather
+from pipeline.simulators.mujoco import gait, model
+from pipeline.simulators.mujoco.camera import Camera
+from pipeline.simulators.mujoco.furniture import lamp_positions
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.pedestrian import Pedestrian
+from pipeline.simulators.mujoco.weather import Weather
 
 
 class Stage:
@@ -32,7 +32,7 @@ class Stage:
     walker: Blueprint
 
     def __init__(self, town: Town, actors: Mapping[str, Actor], settings: CameraSettings) -> None:
-        self.model = world.describe(
+        self.model = model.describe(
             town, actors, settings.vfov_deg, settings.width, settings.height
         ).compile()
         self.data = mujoco.MjData(self.model)
@@ -54,8 +54,8 @@ class Stage:
         """Start the ego at a speed, at a distance in metres along its route; its brake gives `full_brake_mps2` behind a first-order lag."""
         brake = self.model.actuator("brake")
         brake.gainprm[0], brake.dynprm[0] = (
-            -world.EGO_MASS_KG * full_brake_mps2,
-            max(build_up_s, world.TIMESTEP_S),
+            -model.EGO_MASS_KG * full_brake_mps2,
+            max(build_up_s, model.TIMESTEP_S),
         )
         self.data.qpos[self._travelled.qposadr[0]] = travelled_m
         self.data.qvel[self._travelled.dofadr[0]] = speed_mps

@@ -25,9 +25,9 @@ from pipeline.scenarios.streets import (
     streets,
 )
 
-from . import bending, buildings, furniture, textures, vegetation
-from .mesh import Mesh, Site, place
-from .style import STYLES, Style
+from pipeline.simulators.mujoco import bending, buildings, furniture, textures, vegetation
+from pipeline.simulators.mujoco.mesh import Mesh, Site, place
+from pipeline.simulators.mujoco.style import STYLES, Style
 
 Strip = tuple[float, float, float]
 """From u, to u, distance of the kerb from the axis."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
 
-from .mesh import Mesh, Site, loft
-from .style import Style
+from pipeline.simulators.mujoco.mesh import Mesh, Site, loft
+from pipeline.simulators.mujoco.style import Style
 
 GEOM = mujoco.mjtGeom
 

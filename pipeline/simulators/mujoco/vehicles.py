@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pipeline.scenarios.functional import HALF_LENGTHS_M, VehicleKind
 
-from . import textures
-from .mesh import Mesh, loft
+from pipeline.simulators.mujoco import textures
+from pipeline.simulators.mujoco.mesh import Mesh, loft
 
 GEOM = mujoco.mjtGeom
 PAINTS = (

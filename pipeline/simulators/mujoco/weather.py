@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.core.visibility import visual_range_m
 
-from .textures import noise
+from pipeline.simulators.mujoco.textures import noise
 
 Floats = NDArray[np.float64]
 LAMPS_ON_BELOW_DEG = 0.0
