@@ -51,9 +51,7 @@ DETECTOR = Kind(Detector, ("model",))
 SAMPLER = Kind(Sampler, ("space", "seed"), ("earlier",))
 
 
-def make_world(
-    section: Mapping[str, Any], scenario: FunctionalScenario, vehicle: Vehicle
-) -> World:
+def make_world(section: Mapping[str, Any], scenario: FunctionalScenario, vehicle: Vehicle) -> World:
     """The world of the config's section `simulator`."""
     world: World = component("simulator", WORLD, section)(scenario=scenario, vehicle=vehicle)
     return world

@@ -16,7 +16,7 @@ from pipeline.core.paths import Path, Pose
 from pipeline.errors import SimulationError
 
 ALONG = np.sin(np.radians(15))
-"""Sine of the angle to the ego's path below which a pedestrian walks along it instead of across."""
+"""Sine of the angle to the ego's path below which a pedestrian walks along it, not across."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,28 @@ class RoadUsers:
             raise SimulationError(
                 f"the ego's position became {self.travelled_m} at {self.time_s:.2f} s"
             )
+
+
+@dataclass(frozen=True)
+class Situation:
+    """How near a collision is.
+
+    Attributes:
+        gap_m: distance between the footprints, metres: 0 at a contact, NaN without a pedestrian.
+        contact: whether the footprints touch.
+        on_collision_path: whether the pedestrian crosses the corridor that the ego sweeps and has
+            not yet left it.
+        conflict_distance_m: metres from the ego's front to the conflict point, at least 0. A
+            pedestrian who walks along the path is the conflict point itself.
+        is_over: whether the outcome is certain: a contact, a stopped ego, no conflict left, or
+            time is up.
+    """
+
+    gap_m: float
+    contact: bool
+    on_collision_path: bool
+    conflict_distance_m: float
+    is_over: bool
 
 
 @dataclass(frozen=True)
@@ -78,10 +100,6 @@ class Encounter:
         """The pedestrian's motion to the ego's left, per metre walked."""
         return float(np.sin(self.heading - self.path.at(self.conflict_m).heading))
 
-    @property
-    def _along(self) -> bool:
-        return bool(abs(self._across) < ALONG)
-
     def gap_m(self, users: RoadUsers) -> float:
         """Distance between the footprints, metres: 0 at a contact, NaN without a pedestrian."""
         if users.pedestrian is None:
@@ -90,37 +108,28 @@ class Encounter:
         distance = footprint.distance(users.pedestrian.x, users.pedestrian.y)
         return max(0.0, distance - self.pedestrian_radius_m)
 
-    def contact(self, users: RoadUsers) -> bool:
-        """Whether the footprints touch."""
-        return self.gap_m(users) <= 0
-
-    def on_collision_path(self, users: RoadUsers) -> bool:
-        """Whether the pedestrian crosses the ego's swept corridor and has not yet left it."""
-        if not self.crosses or users.pedestrian is None:
-            return False
-        if self._along:
-            return True
-        left = self.path.project(users.pedestrian.x, users.pedestrian.y)[1]
-        return bool(np.sign(self._across) * left <= self.half_width_m + self.pedestrian_radius_m)
-
-    def conflict_distance_m(self, users: RoadUsers) -> float:
-        """Metres from the ego's front to the conflict point, at least 0.
-
-        A pedestrian who walks along the path is the conflict point itself.
-        """
-        conflict = self.conflict_m
-        if self.crosses and self._along and users.pedestrian is not None:
-            conflict = self.path.project(users.pedestrian.x, users.pedestrian.y)[0]
-        return max(0.0, conflict - users.travelled_m - self.half_length_m)
-
-    def is_over(self, users: RoadUsers) -> bool:
-        """Whether the outcome is certain: contact, a stopped ego, no conflict left, or time is up."""
-        if self.crosses:
-            passed = not self.on_collision_path(users)
-        else:
-            passed = self.conflict_distance_m(users) <= 0
+    def situation(self, users: RoadUsers) -> Situation:
+        """Judge the positions of the road users."""
+        along_m, on_path, walker = self.conflict_m, False, users.pedestrian
+        if self.crosses and walker is not None:
+            s, left = self.path.project(walker.x, walker.y)
+            across = self._across
+            reach = self.half_width_m + self.pedestrian_radius_m
+            on_path = bool(np.sign(across) * left <= reach)
+            if abs(across) < ALONG:  # Walks along the path, so is the conflict point itself.
+                along_m, on_path = s, True
+        conflict_distance_m = max(0.0, along_m - users.travelled_m - self.half_length_m)
+        gap_m = self.gap_m(users)
+        no_conflict = not on_path if self.crosses else conflict_distance_m <= 0
         stopped = users.ego_speed_mps <= MIN_SPEED_MPS
-        return passed or stopped or users.time_s >= self.time_limit_s or self.contact(users)
+        late = users.time_s >= self.time_limit_s
+        return Situation(
+            gap_m=gap_m,
+            contact=gap_m <= 0,
+            on_collision_path=on_path,
+            conflict_distance_m=conflict_distance_m,
+            is_over=gap_m <= 0 or stopped or no_conflict or late,
+        )
 
     def in_path(self, points: Floats, ego: Pose, margin_m: float) -> NDArray[np.bool_]:
         """Whether points of the road lie in the corridor that the ego will sweep, (n,).

@@ -1,6 +1,7 @@
 """What a car makes of a frame's detections: which are right, and how hard it brakes.
 
-The closed loop (`pipeline.core.loop`) and the evaluation of stored tests (`pipeline.analysis.rescoring`) share it.
+The closed loop (`pipeline.core.loop`) and the evaluation of stored tests
+(`pipeline.analysis.rescoring`) share it.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ from numpy.typing import NDArray
 from pipeline.core.braking import EmergencyBrake
 from pipeline.core.car import Car
 from pipeline.core.detections import Detections
-from pipeline.core.matching import Matching, match, on_pedestrian
+from pipeline.core.matching import Matching, match
 from pipeline.core.truth import Truth
+
+NOTHING = Matching()
+"""The matching of a frame without detections."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,7 @@ class Judged:
         demand_mps2: the deceleration that it demands, as on a dry road, at least 0.
     """
 
-    matching: Matching = Matching()
+    matching: Matching = NOTHING
     brake: float = 0.0
     demand_mps2: float = 0.0
 
@@ -63,10 +67,9 @@ class Judge:
             in_path: (n,) whether the foot of each box lies in the ego's path.
         """
         car = self._car
-        if car.aeb.gate == "detections":
-            followed = in_path
-        else:
-            followed = on_pedestrian(detections, truth, car.criterion)
-        brake = self._brake.demand(detections, followed)
         matching = match(detections, truth, car.criterion)
+        followed = in_path
+        if car.aeb.gate == "truth":
+            followed = np.array(matching.matches, bool)
+        brake = self._brake.demand(detections, followed)
         return Judged(matching, brake, brake * car.vehicle.full_brake_mps2(rain=0))

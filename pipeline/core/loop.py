@@ -9,9 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.core.braking import Vehicle
 from pipeline.core.car import Car
-from pipeline.core.encounter import Encounter, RoadUsers
+from pipeline.core.encounter import Encounter, RoadUsers, Situation
 from pipeline.core.episode import Episode, Frame, FrameDetections, KeptFrame
 from pipeline.core.interfaces import Detector, World
 from pipeline.core.judge import Judge, Judged
@@ -68,15 +67,20 @@ def run_test(
         feet = world.camera.ground(detections.boxes)
         in_path = encounter.in_path(feet, seen.users.ego, car.aeb.margin_m)
         judged = judge.frame(detections, seen.truth, in_path)
-        detected.append(FrameDetections(detections, in_path))
         if keep_every and len(steps) % keep_every == 0:
             kept.append(KeptFrame(len(steps), frame, detections, judged.matching))
-        steps.append(_step(encounter, car.vehicle, seen.users, seen.truth, judged))
+        detected.append(FrameDetections(detections, in_path))
+        situation = encounter.situation(seen.users)
+        stopping_m = car.vehicle.stopping_distance(seen.users.ego_speed_mps, encounter.rain)
+        steps.append(_step(seen.users, situation, float(stopping_m), seen.truth, judged))
         demands.put(seen.users.time_s, judged.demand_mps2)
         users = _advance(world, encounter, seen.users, demands)
-        if encounter.is_over(users):
-            steps.append(_step(encounter, car.vehicle, users, Truth(), Judged()))
-            return Episode.of(steps, kept, detected)
+        situation = encounter.situation(users)
+        if situation.is_over:
+            break
+    stopping_m = car.vehicle.stopping_distance(users.ego_speed_mps, encounter.rain)
+    steps.append(_step(users, situation, float(stopping_m), Truth(), Judged()))
+    return Episode.of(steps, kept, detected)
 
 
 def seed_of(concrete: Mapping[str, Value]) -> int:
@@ -96,13 +100,13 @@ def _advance(world: World, encounter: Encounter, users: RoadUsers, demands: _Del
     """Advance to the next frame, or to the contact."""
     for _ in range(round(world.frame_s / world.step_s)):
         users = world.advance(world.step_s, -demands.at(users.time_s))
-        if encounter.contact(users):
+        if encounter.gap_m(users) <= 0:
             break
     return users
 
 
 def _step(
-    encounter: Encounter, vehicle: Vehicle, users: RoadUsers, truth: Truth, judged: Judged
+    users: RoadUsers, situation: Situation, stopping_m: float, truth: Truth, judged: Judged
 ) -> TimeStep:
     pedestrian = users.pedestrian
     return TimeStep(
@@ -113,11 +117,11 @@ def _step(
         ego_speed_mps=users.ego_speed_mps,
         pedestrian_x_m=np.nan if pedestrian is None else pedestrian.x,
         pedestrian_y_m=np.nan if pedestrian is None else pedestrian.y,
-        conflict_distance_m=encounter.conflict_distance_m(users),
-        gap_m=encounter.gap_m(users),
-        on_collision_path=encounter.on_collision_path(users),
-        contact=encounter.contact(users),
-        stopping_distance_m=float(vehicle.stopping_distance(users.ego_speed_mps, encounter.rain)),
+        conflict_distance_m=situation.conflict_distance_m,
+        gap_m=situation.gap_m,
+        on_collision_path=situation.on_collision_path,
+        contact=situation.contact,
+        stopping_distance_m=stopping_m,
         visible_pixels=truth.visible_pixels,
         contrast=truth.contrast,
         **judged.signals(),

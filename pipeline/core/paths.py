@@ -28,11 +28,11 @@ class Piece:
     curvature: float
 
     def at(self, s: float) -> Pose:
+        """Pose after s metres."""
         turned = s * self.curvature
-        heading = self.start.heading + turned
-        # The arc's chord: exact, and finite for a straight piece.
-        chord = s * np.sinc(turned / 2 / np.pi)
-        middle = self.start.heading + turned / 2
+        heading, middle = self.start.heading + turned, self.start.heading + turned / 2
+        # The arc's chord, which is s for a straight piece.
+        chord = s * np.sinc(turned / 2 / np.pi) if self.curvature else s
         return Pose(
             float(self.start.x + chord * np.cos(middle)),
             float(self.start.y + chord * np.sin(middle)),
@@ -113,7 +113,7 @@ class Path:
             start = float(self._ends[i - 1]) if i else 0.0
             low = -np.inf if i == 0 else 0.0
             high = np.inf if i == len(self.pieces) - 1 else piece.length
-            s = float(np.clip(piece.foot(x, y), low, high))
+            s = min(max(piece.foot(x, y), low), high)
             pose = piece.at(s)
             dx, dy = x - pose.x, y - pose.y
             left = float(-np.sin(pose.heading) * dx + np.cos(pose.heading) * dy)

@@ -43,9 +43,7 @@ class GuardedDetector:
         finally:
             self._calls.value += 1
         if not isinstance(detections, Detections):
-            raise SimulationError(
-                f"{name} must return Detections, got {type(detections).__name__}"
-            )
+            raise SimulationError(f"{name} must return Detections, got {type(detections).__name__}")
         return detections
 
 

@@ -42,9 +42,7 @@ class Reruns:
         config = self._config
         if test.scenario not in self._worlds:
             scenario = config.scenarios[test.scenario]
-            self._worlds[test.scenario] = make_world(
-                config.simulator, scenario, config.car.vehicle
-            )
+            self._worlds[test.scenario] = make_world(config.simulator, scenario, config.car.vehicle)
         if test.version not in self._detectors:
             self._detectors[test.version] = self._detector_of(test.version)
         try:

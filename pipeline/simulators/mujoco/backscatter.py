@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.simulators.mujoco.weather import Weather
 from pipeline.simulators.mujoco.model import (
     CAMERA_X_M,
     HEADLIGHT_AXIS,
@@ -18,6 +17,7 @@ from pipeline.simulators.mujoco.model import (
     HEADLIGHT_FADE,
     HEADLIGHTS_M,
 )
+from pipeline.simulators.mujoco.weather import Weather
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
-
 from pipeline.simulators.mujoco.mesh import Mesh, Site
 from pipeline.simulators.mujoco.style import STYLES, Style
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pipeline.core.boxes import Box
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
-
 from pipeline.simulators.mujoco.culling import Culling
 from pipeline.simulators.mujoco.lens import CameraSettings, Lens, Sun
 from pipeline.simulators.mujoco.pedestrian import GROUP

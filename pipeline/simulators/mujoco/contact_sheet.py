@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pipeline.core.paths import Pose
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
 from pipeline.scenarios.people import population
-
 from pipeline.simulators.mujoco import gait
 from pipeline.simulators.mujoco.gait import ANIMATIONS
 from pipeline.simulators.mujoco.lens import CameraSettings

@@ -16,7 +16,6 @@ from pipeline.scenarios.streets import (
     Town,
     streets,
 )
-
 from pipeline.simulators.mujoco.mesh import Mesh, place
 from pipeline.simulators.mujoco.style import STYLES, Style
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from pipeline.scenarios.parts import STRICT
-
 from pipeline.simulators.mujoco.backscatter import Backscatter
-from pipeline.simulators.mujoco.weather import Weather
 from pipeline.simulators.mujoco.model import TIMESTEP_S
+from pipeline.simulators.mujoco.weather import Weather
 
 ROUNDED = 1e-3
 """A rate may be rounded by this share, such as 28.57 for every seventh step."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from pipeline.scenarios.functional import Actor
 from pipeline.scenarios.streets import Town
-
 from pipeline.simulators.mujoco import pedestrian, town, vehicles
 
 EGO_MASS_KG = 1500.0

@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 from pipeline.scenarios.people import Blueprint
-
 from pipeline.simulators.mujoco.gait import REFERENCE_HEIGHT_M, Posture
 
 GEOM = mujoco.mjtGeom

@@ -23,7 +23,6 @@ from pipeline.scenarios.functional import (
 )
 from pipeline.scenarios.people import FIRST_RANDOM, fingerprint, population
 from pipeline.scenarios.streets import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
-
 from pipeline.simulators.mujoco import gait
 from pipeline.simulators.mujoco.gait import ANIMATIONS
 from pipeline.simulators.mujoco.lens import CameraSettings

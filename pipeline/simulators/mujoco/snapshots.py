@@ -15,7 +15,6 @@ from pipeline.errors import SimulationError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, HALF_LENGTHS_M, Actor, VehicleKind
 from pipeline.scenarios.people import population
 from pipeline.scenarios.streets import LANE_WIDTH, Street, Town, streets
-
 from pipeline.simulators.mujoco import gait
 from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.simulators.mujoco.pedestrian import GROUP

@@ -14,7 +14,6 @@ from pipeline.core.truth import Truth
 from pipeline.scenarios.functional import Actor
 from pipeline.scenarios.people import Blueprint, person
 from pipeline.scenarios.streets import Town
-
 from pipeline.simulators.mujoco import gait, model
 from pipeline.simulators.mujoco.camera import Camera
 from pipeline.simulators.mujoco.furniture import lamp_positions

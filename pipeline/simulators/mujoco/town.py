@@ -24,7 +24,6 @@ from pipeline.scenarios.streets import (
     Town,
     streets,
 )
-
 from pipeline.simulators.mujoco import bending, buildings, furniture, textures, vegetation
 from pipeline.simulators.mujoco.mesh import Mesh, Site, place
 from pipeline.simulators.mujoco.style import STYLES, Style

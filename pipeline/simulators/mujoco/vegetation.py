@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
-
 from pipeline.simulators.mujoco.mesh import Mesh, Site, loft
 from pipeline.simulators.mujoco.style import Style
 

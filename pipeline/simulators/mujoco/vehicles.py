@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.scenarios.functional import HALF_LENGTHS_M, VehicleKind
-
 from pipeline.simulators.mujoco import textures
 from pipeline.simulators.mujoco.mesh import Mesh, loft
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.core.visibility import visual_range_m
-
 from pipeline.simulators.mujoco.textures import noise
 
 Floats = NDArray[np.float64]
