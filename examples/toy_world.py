@@ -1,4 +1,4 @@
-"""Your own simulator in a page: a grey road, a white figure, and four places to call CARLA instead."""
+"""Your own simulator in a page: a grey road and a bright figure. The comments mark your calls."""
 
 from __future__ import annotations
 

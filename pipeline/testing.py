@@ -1,4 +1,4 @@
-"""Checkers of the three protocols, for any adapter: `check_detector(MyDetector())` in a test is enough.
+"""Checkers of the three protocols: `check_detector(MyDetector())` in a test is enough.
 
 Each raises an AssertionError that names the violated rule.
 """
@@ -30,7 +30,7 @@ CAR = Car(
 
 
 def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4) -> None:
-    """Check bounds, determinism, `ask` without side effects, and that the history restores a sampler.
+    """Check bounds, determinism, an `ask` without side effects, and a restart from the history.
 
     Args:
         factory: makes a fresh sampler with the same seed over `space`.
@@ -94,7 +94,7 @@ def _told(sampler: Sampler, history: list[tuple[Floats, Floats]]) -> Sampler:
 
 
 def check_world(world: World, space: Space, detector: Detector, count: int = 3) -> None:
-    """Check that a world keeps time, brakes, shows what it says, and repeats a test to the last bit.
+    """Check that a world keeps time, brakes, fits its images, and repeats a test to the last bit.
 
     Args:
         world: the world, made for a scenario.

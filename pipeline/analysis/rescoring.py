@@ -1,8 +1,8 @@
-"""Judges stored tests again, from their detections and signals, at any IoU, threshold and brake law.
+"""Judges stored tests again, from detections and signals, at any IoU, threshold and brake law.
 
-It shares `pipeline.core.judge` with the closed loop: matching and brake demand exist once. What it adds is
-the way from tables to frames and back. So a stored test that does not follow from its detections has been
-edited, or was executed by other code.
+It shares `pipeline.core.judge` with the closed loop: matching and brake demand exist once. What it
+adds is the way from tables to frames and back. So a stored test that does not follow from its
+detections has been edited, or was executed by other code.
 """
 
 from __future__ import annotations

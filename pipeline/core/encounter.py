@@ -1,4 +1,4 @@
-"""How the ego and the pedestrian meet in a test: gap, contact, collision path, conflict point and the test's end."""
+"""How the ego and the pedestrian meet: gap, contact, collision path and the test's end."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Encounter:
     time_limit_s: float = 12.0
 
     @cached_property
-    def _across(self) -> float:
+    def across(self) -> float:
         """The pedestrian's motion to the ego's left, per metre walked."""
         return float(np.sin(self.heading - self.path.at(self.conflict_m).heading))
 
@@ -113,10 +113,9 @@ class Encounter:
         along_m, on_path, walker = self.conflict_m, False, users.pedestrian
         if self.crosses and walker is not None:
             s, left = self.path.project(walker.x, walker.y)
-            across = self._across
             reach = self.half_width_m + self.pedestrian_radius_m
-            on_path = bool(np.sign(across) * left <= reach)
-            if abs(across) < ALONG:  # Walks along the path, so is the conflict point itself.
+            on_path = bool(np.sign(self.across) * left <= reach)
+            if abs(self.across) < ALONG:  # Walks along the path, so is the conflict point itself.
                 along_m, on_path = s, True
         conflict_distance_m = max(0.0, along_m - users.travelled_m - self.half_length_m)
         gap_m = self.gap_m(users)

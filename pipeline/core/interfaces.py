@@ -68,9 +68,9 @@ class World(Protocol):
     (`pipeline.scenarios.functional.FunctionalScenario`), the brakes
     (`pipeline.core.braking.Vehicle`) and the other keys of its section in the config.
 
-    A class may declare `needs`, a mapping from the variables that a scenario must have to the values
-    that the world takes (`Admitted`), and `closed = True` if it ignores all others. A study that
-    does not fit ends with an error before any test.
+    A class may declare `needs`, a mapping from the variables that a scenario must have to the
+    values that the world takes (`Admitted`), and `closed = True` if it ignores all others. A study
+    that does not fit ends with an error before any test.
 
     Attributes:
         camera: maps boxes to the road.

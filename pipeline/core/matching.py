@@ -23,9 +23,10 @@ class Criterion:
     """When a detection counts.
 
     Attributes:
-        iou: overlap with the visible box above which a detection matches the pedestrian, in [0.1, 1).
-        threshold: score from which the detector reports a detection, in [0, 1]; a weaker one is neither
-            right nor wrong.
+        iou: overlap with the visible box above which a detection matches the pedestrian, in
+            [0.1, 1).
+        threshold: score from which the detector reports a detection, in [0, 1]; a weaker one is
+            neither right nor wrong.
     """
 
     iou: float = 0.5
@@ -87,8 +88,8 @@ def match(detections: Detections, truth: Truth, criterion: Criterion = COCO) -> 
 
     By IoU with the visible box: of those above the criterion's IoU the best score is the true
     positive and the others are duplicates, in (0.1, iou] a detection is a localisation error, below
-    it is far. If the pedestrian is barely visible, a detection with IoU > 0.1 with the visible or the
-    whole box is ignored, as COCO ignores crowds: it brakes, but is not a false positive.
+    it is far. If the pedestrian is barely visible, a detection with IoU > 0.1 with the visible or
+    the whole box is ignored, as COCO ignores crowds: it brakes, but is not a false positive.
 
     Args:
         detections: of the frame, reported or not.

@@ -18,7 +18,7 @@ LONGEST = 300
 
 
 class GuardedDetector:
-    """A detector whose exceptions become errors of a test; it shows from outside when it is at work.
+    """A detector whose exceptions become errors of a test.
 
     calls: counter shared with the parent, incremented before and after each frame; odd means busy.
     """
@@ -30,7 +30,8 @@ class GuardedDetector:
         """Return the detector's result.
 
         Raises:
-            SimulationError: for any exception but InputError and the machine's, which end the campaign.
+            SimulationError: for any exception but InputError and the machine's, which end the
+                campaign.
         """
         self._calls.value += 1
         name = f"{type(self._detector).__name__}.detect"
@@ -59,7 +60,8 @@ class GuardedTests:
         """Return the episode of a concrete scenario; see `run_test`.
 
         Raises:
-            SimulationError: for any exception but InputError and the machine's, which end the campaign.
+            SimulationError: for any exception but InputError and the machine's, which end the
+                campaign.
         """
         try:
             return run_test(

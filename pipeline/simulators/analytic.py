@@ -1,7 +1,7 @@
 """A world without a renderer: milliseconds per test and planted failure regions.
 
-For tests of strategies and campaigns (are the regions found? does a campaign resume?), not for claims
-about a detector.
+For tests of strategies and campaigns (are the regions found? does a campaign resume?), not for
+claims about a detector.
 """
 
 from __future__ import annotations
@@ -28,11 +28,12 @@ WIDTH, HEIGHT, FOCAL_PX = 320, 192, 277.0
 SPEED_MPS, HORIZON_S, FRAME_S = 10.0, 3.0, 0.1
 LANE_Y_M = -1.75
 HIDDEN_FROM_M, SAFE_SIGHT_M, SHORTEST_SIGHT_M, LATE_SIGHT_M = 27.0, 24.0, 11.0, 3.0
-"""Distances to the conflict point: farther away the pedestrian is hidden (retraining needs frames without
-one, too). From the others on it stands out: far from all planted regions, at their border, and inside."""
+"""Distances to the conflict point. Farther away than the first, the pedestrian is hidden, because
+retraining needs frames without one. From the others on it stands out: far from all planted regions,
+at the border of one, and inside."""
 MARGIN = 0.25
-"""Width of the margin around a region, in its half widths, in which the pedestrian stands out later: it
-gives the search a gradient."""
+"""Width of the margin around a region, in its half widths. There the pedestrian stands out later,
+which gives the search a gradient."""
 BACKGROUND, FAINT, BRIGHT = 80, 84, 200
 """Grey levels. A person cannot make out a faint pedestrian (`pipeline.core.visibility.visible`)."""
 
@@ -52,7 +53,7 @@ class Planted:
     values: Mapping[str, tuple[str, ...]]
 
     def depth(self, concrete: Mapping[str, Value]) -> float:
-        """At least 1 inside, 0 at the outer edge of the margin, negative beyond it; -1 in another category."""
+        """At least 1 inside, 0 at the margin's outer edge, negative beyond it."""
         if any(str(concrete[name]) not in names for name, names in self.values.items()):
             return -1.0
         depths = []

@@ -53,7 +53,7 @@ def test_the_contract_holds(rendered: Any) -> None:
 
 
 def test_unbraked_ego_and_pedestrian_meet_at_the_conflict_point(rendered: Any) -> None:
-    """Within 0.1 m and 0.05 s: extrapolated from the last row, both reach the conflict point at the horizon."""
+    """Within 0.1 m and 0.05 s: extrapolated from the last row, both reach it at the horizon."""
     world, space, scenario = rendered
     concrete = space.decode(space.sample(1, np.random.default_rng(3))[0])
     concrete |= {"pedestrian_shift": 0.0, "pedestrian_speed": 1.5}
@@ -117,7 +117,7 @@ def test_speed_and_shift_move_the_pedestrian_by_their_values(rendered: Any) -> N
     concrete = space.decode(space.sample(1, np.random.default_rng(7))[0])
 
     def along(**changes: float) -> Any:
-        """Position of the pedestrian along its path in the first second, metres from the conflict point."""
+        """Position of the pedestrian along its path in the first second, metres."""
         signals = run_test(world, BlindDetector(), CAR, {**concrete, **changes}).signals
         dx, dy = (
             signals["pedestrian_x_m"][:11] - scenario.pedestrian.at[0],
@@ -181,7 +181,7 @@ def test_the_whole_box_contains_the_visible_one(rendered: Any) -> None:
 
 
 def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
-    """A running pedestrian by day: behind the bus and around the corner it shows late, on the open road from the start."""
+    """A running pedestrian by day shows late behind the bus and around the corner."""
     seen = {}
     for name in ("F1", "F1star", "F6", "F7", "F3", "F4", "F3star", "F4star"):
         scenario = described(name)

@@ -75,9 +75,10 @@ def test_a_lost_ego_is_an_error() -> None:
     ("margin_m", "in_path"), [(0.34, [False, True, False]), (0.35, [True, True, False])]
 )
 def test_a_detection_is_in_the_path_up_to_the_margin(margin_m: float, in_path: list[bool]) -> None:
-    """In a left turn with a radius of 9 m, the road 5 m ahead lies hypot(9, 5) - 9 = 1.296 m to the right.
+    """In a left turn of 9 m, the road 5 m ahead lies hypot(9, 5) - 9 = 1.296 m to the right.
 
-    3 m further to the left it lies 1.19 m to the left, 1.5 m further to the right 2.63 m to the right.
+    3 m further to the left it lies 1.19 m to the left, 1.5 m further to the right 2.63 m to the
+    right.
     """
     turn = Encounter(TURN, 80, 0.0, True, half_length_m=2.5, half_width_m=0.95)
     camera = Pinhole(width=320, height=192, focal_px=240, ahead_m=0.5, above_m=1.35)

@@ -29,7 +29,7 @@ ASIDE = (2.0, 2.0, 12.0, 30.0)
 
 @dataclass
 class Road:
-    """The ego drives at 10 m/s towards a pedestrian 30 m ahead of its front, whose box never changes."""
+    """The ego drives at 10 m/s towards a pedestrian 30 m ahead; its box never changes."""
 
     camera: Pinhole = field(default_factory=lambda: Pinhole(64, 48, 60, 0, 1.4))
     frame_s: float = 0.1
