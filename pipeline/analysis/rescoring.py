@@ -7,12 +7,13 @@ detections has been edited, or was executed by other code.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 import numpy as np
 import pandas as pd
 
+from pipeline.core.boxes import Box
 from pipeline.core.braking import Aeb
 from pipeline.core.car import Car
 from pipeline.core.detections import Detections
@@ -94,9 +95,17 @@ def _judged(signals: pd.DataFrame, detections: pd.DataFrame, car: Car) -> Iterat
 
 def _truths(signals: pd.DataFrame) -> Iterator[Truth]:
     """Yield the ground truth of each row, as far as the signals have it."""
-    names = [f"{kind}_{side}" for kind in ("visible", "whole") for side in SIDES]
-    for pixels, contrast, *sides in signals[["visible_pixels", "contrast", *names]].itertuples(
-        index=False
-    ):
-        boxes = [None if np.isnan(box[0]) else box for box in (tuple(sides[:4]), tuple(sides[4:]))]
-        yield Truth(*boxes, visible_pixels=pixels, contrast=contrast)
+    visible, whole = (
+        signals[[f"{kind}_{side}" for side in SIDES]].to_numpy(float).tolist()
+        for kind in ("visible", "whole")
+    )
+    seen = signals[["visible_pixels", "contrast"]].itertuples(index=False)
+    for (pixels, contrast), *boxes in zip(seen, visible, whole, strict=True):
+        visible_box, whole_box = (_box(sides) for sides in boxes)
+        yield Truth(visible_box, whole_box, visible_pixels=pixels, contrast=contrast)
+
+
+def _box(sides: Sequence[float]) -> Box | None:
+    """The box with these sides; None where they are NaN."""
+    left, top, right, bottom = sides
+    return None if np.isnan(left) else (left, top, right, bottom)

@@ -102,7 +102,7 @@ SIGNALS = columns(TimeStep)
 SIDES = ("left", "top", "right", "bottom")
 
 
-def box_signals(truth: Truth) -> dict[str, float]:
+def box_signals(truth: Truth) -> dict[str, Any]:
     """The eight signals of the pedestrian's two boxes."""
     signals = {}
     for kind, box in (("visible", truth.visible_box), ("whole", truth.whole_box)):

@@ -19,7 +19,10 @@ Concrete = Mapping[str, Value]
 
 @dataclass(frozen=True)
 class Executor:
-    """What executes concrete scenarios. journal: folder from which a killed call resumes; the caller removes it."""
+    """What executes concrete scenarios.
+
+    journal: folder from which a killed call resumes; the caller removes it.
+    """
 
     setup: Setup
     journal: Path
@@ -29,7 +32,10 @@ class Executor:
     def outcomes(
         self, points: Sequence[Concrete], noises: Sequence[Concrete] = ()
     ) -> list[Outcome]:
-        """The outcome of each concrete scenario. noises: the concrete scenarios whose noise they have, their own by default."""
+        """The outcome of each concrete scenario.
+
+        noises: the concrete scenarios whose noise they have, their own by default.
+        """
         log = Journal(self.journal, _identity(self.setup, points, noises), self.progress)
         given: Sequence[Concrete | None] = noises or [None] * len(points)
         jobs = [

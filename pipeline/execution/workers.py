@@ -1,4 +1,7 @@
-"""Executes concrete scenarios in spawned worker processes; the results do not depend on the number of workers."""
+"""Executes concrete scenarios in spawned worker processes.
+
+The results do not depend on the number of workers.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,14 @@ from pipeline.scenarios.functional import FunctionalScenario
 
 @dataclass(frozen=True)
 class Execution:
-    """One test to execute: its index, the path of its outcome, the concrete scenario, and the one whose noise it has, None for its own."""
+    """One test to execute.
+
+    Attributes:
+        index: of the test.
+        path: of its outcome.
+        concrete: a value for each variable.
+        noise: scenario that seeds the random noise; None means `concrete`.
+    """
 
     index: int
     path: Path
@@ -64,7 +74,10 @@ class Setup:
         *,
         keep_every: int = 0,
     ) -> Setup:
-        """The setup of a study's scenario, by name. calibration: of the model, if the study calibrates it."""
+        """The setup of a study's scenario, by name.
+
+        calibration: of the model, if the study calibrates it.
+        """
         detector = as_tested(config.detector, calibration)
         return Setup(
             config.simulator,
@@ -90,7 +103,7 @@ class Setup:
 
     @property
     def identity(self) -> str:
-        """Digest of everything that the outcome of a test depends on, beside its concrete scenario."""
+        """Digest of everything that an outcome depends on, beside the concrete scenario."""
         settings = [
             self.simulator,
             self.scenario.model_dump(),
@@ -113,7 +126,8 @@ class Workers:
     def execute(self, jobs: Sequence[Execution]) -> Iterator[int]:
         """Execute the jobs, in any order; yields the index of each when its outcome is written.
 
-        A test whose process breaks is an error; see `Pool.run` for those that are executed again first.
+        A test whose process breaks is an error; see `Pool.run` for those that are executed again
+        first.
         """
         for number, result in self._pool.run(jobs):
             job = jobs[number]

@@ -1,4 +1,4 @@
-"""The camera's geometry and ground truth are right (thesis section 8.2), and each effect can be switched off."""
+"""The camera's geometry and ground truth are right, and each effect can be switched off."""
 
 from __future__ import annotations
 

@@ -29,9 +29,16 @@ def save(folder: Path, person: str = "person", broken: bool = False, half: bool 
     torch.manual_seed(0)
     names = {0: "car", 1: person, 2: "tree"}
     config = YolosConfig(
-        hidden_size=32, num_hidden_layers=1, num_attention_heads=2, intermediate_size=32, image_size=[192, 320], patch_size=32,
-        num_detection_tokens=8, id2label=names, label2id={name: number for number, name in names.items()},
-    )  # fmt: skip
+        hidden_size=32,
+        num_hidden_layers=1,
+        num_attention_heads=2,
+        intermediate_size=32,
+        image_size=[192, 320],
+        patch_size=32,
+        num_detection_tokens=8,
+        id2label=names,
+        label2id={name: number for number, name in names.items()},
+    )
     network = YolosForObjectDetection(config)
     with torch.no_grad():
         bias = network.class_labels_classifier.layers[-1].bias
@@ -79,7 +86,8 @@ def test_wrong_hugging_face_folders_are_named(tmp_path: Path) -> None:
     save(tmp_path / "other", person="wolf")
     with pytest.raises(
         InputError,
-        match="expected a class called pedestrian or person or people among its 3 classes, got names 0: car",
+        match="expected a class called pedestrian or person or people among its 3 classes, "
+        "got names 0: car",
     ):
         HuggingFaceDetector(tmp_path / "other")
     pickled = save(tmp_path / "pickled")

@@ -139,9 +139,15 @@ def test_the_oracle_avoids_failure_in_plain_weather_and_in_fog(rendered: Any) ->
     world, _, scenario = rendered
     for fog in (0.0, 95.0):
         concrete: dict[str, Value] = {
-            "rain": 0.0, "fog": fog, "sun_azimuth": 120.0, "sun_altitude": 45.0, "pedestrian_shift": 0.0, "pedestrian_speed": 1.5,
-            "animation": "walking", "blueprint": man(scenario),
-        }  # fmt: skip
+            "rain": 0.0,
+            "fog": fog,
+            "sun_azimuth": 120.0,
+            "sun_altitude": 45.0,
+            "pedestrian_shift": 0.0,
+            "pedestrian_speed": 1.5,
+            "animation": "walking",
+            "blueprint": man(scenario),
+        }
         episode = run_test(world, VisiblePixelOracle(), CAR, concrete)
         assert not kpi.evaluate(episode.signals, 0.1).failure
 
@@ -159,7 +165,7 @@ def test_braking_follows_the_vehicle_dynamics(rendered: Any, rain: float) -> Non
     speed, brake = signals["ego_speed_mps"], signals["brake"]
     assert np.all(np.diff(speed) <= 1e-9)
     first = int(np.argmax(brake == 1.0))
-    # The demand acts one frame later, the latency; after half a second of full braking the lag is over.
+    # The demand acts one frame later, the latency; after half a second the lag is over.
     assert speed[first + 1] == speed[0] and speed[first + 2] < speed[0]
     settled = next(i for i in range(6, len(brake)) if np.all(brake[i - 6 : i + 1] == 1.0))
     deceleration = 9.81 * (0.6 if rain else 0.8)
@@ -187,9 +193,15 @@ def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
         scenario = described(name)
         world = MujocoWorld(scenario, CAR.vehicle)
         concrete: dict[str, Value] = {
-            "rain": 0.0, "fog": 0.0, "sun_azimuth": 120.0, "sun_altitude": 45.0, "pedestrian_shift": 0.0, "pedestrian_speed": 2.5,
-            "animation": "walking", "blueprint": man(scenario),
-        }  # fmt: skip
+            "rain": 0.0,
+            "fog": 0.0,
+            "sun_azimuth": 120.0,
+            "sun_altitude": 45.0,
+            "pedestrian_shift": 0.0,
+            "pedestrian_speed": 2.5,
+            "animation": "walking",
+            "blueprint": man(scenario),
+        }
         signals = run_test(world, BlindDetector(), CAR, concrete).signals
         world.close()
         hidden = np.flatnonzero(

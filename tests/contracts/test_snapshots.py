@@ -1,4 +1,4 @@
-"""Snapshots of the front-car domain show their point's conditions, and their labels match the image."""
+"""Snapshots of the front-car domain show their point's conditions, and their labels fit."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from pipeline.steps.front_car_snapshots import _render
 
 SPACE = compose("front_car", []).front_car.space
 POINTS = [
-    {name: str(value) for name, value in SPACE.space().decode(row.astype(float)).items()} for row in SPACE.feasible_points()
-]  # fmt: skip
+    {name: str(value) for name, value in SPACE.space().decode(row.astype(float)).items()}
+    for row in SPACE.feasible_points()
+]
 ROAD = {"lanes": "2", "lane_orientation": "curvy"}
 CURVY = [point for point in POINTS if all(point[name] == value for name, value in ROAD.items())]
 FORWARD, ONCOMING = CLASSES.index("forward vehicle"), CLASSES.index("oncoming vehicle")

@@ -69,7 +69,8 @@ def test_a_road_on_which_no_braking_would_count_is_refused() -> None:
     slippery = ["vehicle.dry_friction=0.5", "vehicle.wet_friction=0.4"]
     with pytest.raises(
         InputError,
-        match=r"vehicle.dry_friction: N1 asks the ego not to brake, .* needs a friction of 0.51, got 0.5",
+        match=r"vehicle.dry_friction: N1 asks the ego not to brake, "
+        r".* needs a friction of 0.51, got 0.5",
     ):
         compose("default", ["search=[F1,N1]", "aeb.gate=detections", *slippery])
     assert compose("default", slippery).vehicle.dry_friction == 0.5

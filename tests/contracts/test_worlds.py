@@ -11,7 +11,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
 
-import numpy as np
 import pytest
 
 from pipeline.config.composing import compose, functional_scenario
@@ -195,5 +194,3 @@ def test_the_examples_in_docstrings_run(module: str) -> None:
 def test_the_howto_shows_the_example() -> None:
     assert "examples/toy_world.py" in HOWTO.read_text()
     assert len(HOWTO.read_text().split()) <= 350
-
-

@@ -1,5 +1,8 @@
-"""The MuJoCo world: towns, road users, weather, camera and the closed loop. Only this package imports MuJoCo."""
+"""The MuJoCo world: towns, road users, weather, camera and the closed loop.
+
+Only this package imports MuJoCo.
+"""
 
 from pipeline.simulators.gl import choose_backend
 
-choose_backend()  # MuJoCo reads MUJOCO_GL at its first import, so this comes before every other module here.
+choose_backend()  # Before every other module here: MuJoCo reads MUJOCO_GL at its first import.

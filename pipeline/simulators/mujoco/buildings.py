@@ -15,8 +15,11 @@ HOUSE_DEPTH = 10.0
 
 @dataclass(frozen=True)
 class _House:
-    """A house. us, vs: its extent along and across the street, metres. wall, roof: indices of the style's. floors: above the ground
-    floor."""
+    """A house.
+
+    us, vs: its extent along and across the street, metres. wall, roof: indices of the style's.
+    floors: above the ground floor.
+    """
 
     us: tuple[float, float]
     vs: tuple[float, float]
@@ -31,12 +34,15 @@ def _front(town: Town, style: Style, street: Street, side: int) -> float:
 
 
 def add(site: Site, town: Town, street: Street, side: int, rng: np.random.Generator) -> None:
-    """House fronts, gable ends and roofs, one mesh a surface; a cross row closes the street at its end."""
+    """House fronts, gable ends and roofs, one mesh a surface.
+
+    A cross row closes the street at its end.
+    """
     style = STYLES[town.style]
     parts: dict[str, Mesh] = {}
     panes = Mesh()
     front = _front(town, style, street, side)
-    # The main street's corner houses also front the side street; the side street's houses begin behind them.
+    # The main street's corner houses also front the side street, whose houses begin behind them.
     u = (
         street.start - 10
         if street.name == "main"

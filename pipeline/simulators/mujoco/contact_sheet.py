@@ -1,4 +1,4 @@
-"""Contact sheets: a functional scenario in every weather and at every distance, and its pedestrians."""
+"""Contact sheets: a scenario in every weather and at every distance, and its pedestrians."""
 
 from __future__ import annotations
 
@@ -40,7 +40,11 @@ def scenario_sheet(
     camera: Mapping[str, Any],
     weathers: Mapping[str, Weather] = WEATHERS,
 ) -> Pixels:
-    """One row per weather, one column per moment of the unbraked encounter: (rows * height, columns * width, 3) RGB."""
+    """One row per weather, one column per moment of the unbraked encounter.
+
+    Returns:
+        (rows * height, columns * width, 3) RGB.
+    """
     stage = Stage(scenario.town, scenario.actors, CameraSettings.model_validate(dict(camera)))
     route, rng, people = scenario.ego.route(), np.random.default_rng(0), _people(scenario)
     speed, walking = scenario.ego.speed_kmh / 3.6, 1.4

@@ -1,4 +1,4 @@
-"""One compiled MuJoCo model of a functional scenario: streets, vehicles, pedestrian, ego with camera and lights."""
+"""The MuJoCo model of a functional scenario: streets, vehicles, pedestrian, ego and lights."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ HEADLIGHT_AXIS, HEADLIGHT_CUTOFF_DEG, HEADLIGHT_EXPONENT, HEADLIGHT_COLOUR = (
     (1.5, 1.48, 1.35),
 )
 HEADLIGHT_FADE = 0.0016
-"""Loss with the square of the distance in metres: flatter than the inverse square, as the exposure flattens what a camera shows."""
+"""Loss with the square of the distance in metres: flatter than the inverse square, as the exposure
+flattens what a camera shows."""
 SHADOW_MAP = 1024
 
 
@@ -82,31 +83,49 @@ def _lights(spec: mujoco.MjSpec) -> None:
     )
     for i in range(STREET_LIGHTS):
         spec.worldbody.add_light(
-            name=f"street{i}", type=kind.mjLIGHT_SPOT, pos=(0, 0, 6.0), dir=(0, 0, -1), cutoff=70, exponent=2,
-            attenuation=(1, 0, 0.012), castshadow=False, diffuse=(1.7, 1.4, 0.95), ambient=(0, 0, 0), specular=(0.3, 0.25, 0.2),
-        )  # fmt: skip
+            name=f"street{i}",
+            type=kind.mjLIGHT_SPOT,
+            pos=(0, 0, 6.0),
+            dir=(0, 0, -1),
+            cutoff=70,
+            exponent=2,
+            attenuation=(1, 0, 0.012),
+            castshadow=False,
+            diffuse=(1.7, 1.4, 0.95),
+            ambient=(0, 0, 0),
+            specular=(0.3, 0.25, 0.2),
+        )
 
 
 def _ego(spec: mujoco.MjSpec, fovy_deg: float) -> None:
-    """The ego: a mass that travels along its route, braked by a motor behind a first-order lag, and a body that follows the mass.
+    """The ego: a mass that travels along its route, and a body that follows the mass.
 
-    The mass has one degree of freedom, the metres travelled. The body carries the camera and the headlights.
+    The mass has one degree of freedom, the metres travelled; a motor behind a first-order lag
+    brakes it. The body carries the camera and the headlights.
     """
     mass = spec.worldbody.add_body(
         name="ego_mass", mass=EGO_MASS_KG, inertia=(500, 2000, 2000), explicitinertial=True
     )
     mass.add_joint(name="ego_travelled", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1, 0, 0))
     ego = spec.worldbody.add_body(name="ego", mocap=True)
-    # MuJoCo's cameras look along their -z: this turns x to the right and y up, seen along the ego's x.
+    # MuJoCo's cameras look along their -z: this turns x to the right and y up, along the ego's x.
     ego.add_camera(
         name="camera", pos=(CAMERA_X_M, 0, CAMERA_Z_M), quat=(0.5, 0.5, -0.5, -0.5), fovy=fovy_deg
     )
     for name, position in HEADLIGHTS_M.items():
         ego.add_light(
-            name=name, type=mujoco.mjtLightType.mjLIGHT_SPOT, pos=position, dir=HEADLIGHT_AXIS, cutoff=HEADLIGHT_CUTOFF_DEG,
-            exponent=HEADLIGHT_EXPONENT, attenuation=(1, 0, HEADLIGHT_FADE), castshadow=False, diffuse=HEADLIGHT_COLOUR,
-            ambient=(0, 0, 0), specular=(0.2, 0.2, 0.2),
-        )  # fmt: skip
+            name=name,
+            type=mujoco.mjtLightType.mjLIGHT_SPOT,
+            pos=position,
+            dir=HEADLIGHT_AXIS,
+            cutoff=HEADLIGHT_CUTOFF_DEG,
+            exponent=HEADLIGHT_EXPONENT,
+            attenuation=(1, 0, HEADLIGHT_FADE),
+            castshadow=False,
+            diffuse=HEADLIGHT_COLOUR,
+            ambient=(0, 0, 0),
+            specular=(0.2, 0.2, 0.2),
+        )
     brake = spec.add_actuator(
         name="brake", target="ego_travelled", trntype=mujoco.mjtTrn.mjTRN_JOINT
     )

@@ -41,7 +41,7 @@ class Stage:
         self._mocap = {name: int(self.model.body(name).mocapid[0]) for name in ("ego", *actors)}
 
     def reset(self, weather: Weather, blueprint: str) -> None:
-        """Begin a new episode: everything at rest, the pedestrian dressed as the named person, the weather set."""
+        """Begin an episode: everything at rest, the pedestrian dressed as the named person."""
         mujoco.mj_resetData(self.model, self.data)
         self.walker = person(blueprint)
         self.pedestrian.dress(self.walker)
@@ -50,7 +50,10 @@ class Stage:
     def launch(
         self, travelled_m: float, speed_mps: float, full_brake_mps2: float, build_up_s: float
     ) -> None:
-        """Start the ego at a speed, at a distance in metres along its route; its brake gives `full_brake_mps2` behind a first-order lag."""
+        """Start the ego at a speed, at a distance in metres along its route.
+
+        Its brake gives `full_brake_mps2` behind a first-order lag.
+        """
         brake = self.model.actuator("brake")
         brake.gainprm[0], brake.dynprm[0] = (
             -model.EGO_MASS_KG * full_brake_mps2,
@@ -71,8 +74,8 @@ class Stage:
     def step(self, brake: float) -> None:
         """Advance the ego by one timestep under a brake demand in [0, 1].
 
-        A negative speed is set to zero only after the step, so a stopped ego creeps back while the brake is held: 24 mm in 120 steps at
-        8 m/s2.
+        A negative speed is set to zero only after the step, so a stopped ego creeps back while the
+        brake is held: 24 mm in 120 steps at 8 m/s2.
         """
         self.data.ctrl[0] = brake
         mujoco.mj_step(self.model, self.data)
