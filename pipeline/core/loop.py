@@ -63,8 +63,9 @@ def run_test(
     steps: list[TimeStep] = []
     kept: list[KeptFrame] = []
     detected: list[FrameDetections] = []
+    seen = world.observe()
+    situation = encounter.situation(seen.users)
     while True:
-        seen = world.observe()
         frame = Frame(seen.image, seen.truth, seen.users.time_s)
         detections = detector.detect(frame)
         feet = world.camera.ground(detections.boxes)
@@ -73,7 +74,6 @@ def run_test(
         if keep_every and len(steps) % keep_every == 0:
             kept.append(KeptFrame(len(steps), frame, detections, judged.matching))
         detected.append(FrameDetections(detections, in_path))
-        situation = encounter.situation(seen.users)
         stopping_m = car.vehicle.stopping_distance(seen.users.ego_speed_mps, encounter.rain)
         steps.append(_step(seen.users, situation, float(stopping_m), seen.truth, judged))
         demands.put(seen.users.time_s, judged.demand_mps2)
@@ -81,6 +81,7 @@ def run_test(
         situation = encounter.situation(users)
         if situation.is_over:
             break
+        seen = world.observe()
     stopping_m = car.vehicle.stopping_distance(users.ego_speed_mps, encounter.rain)
     steps.append(_step(users, situation, float(stopping_m), Truth(), Judged()))
     return Episode.of(steps, kept, detected)

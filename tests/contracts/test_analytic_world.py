@@ -40,7 +40,7 @@ def test_who_sees_what_a_person_sees_fails_exactly_inside_the_planted_regions() 
 def test_the_margin_of_a_region_is_a_gradient() -> None:
     points = THESIS.sample(200, np.random.default_rng(0))
     metres = [int(sight_m(THESIS.decode(point))) for point in points]
-    ttc_s = {}
+    ttc_s: dict[int, float] = {}
     for metre, test in zip(metres, evaluated(ORACLE, points), strict=True):
         assert ttc_s.setdefault(metre, test.adj_ttc_s) == test.adj_ttc_s, "the metre decides"
     rising = [ttc_s[metre] for metre in sorted(ttc_s)]

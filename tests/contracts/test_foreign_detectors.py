@@ -51,8 +51,8 @@ def save(folder: Path, person: str = "person", broken: bool = False, half: bool 
 def test_a_hugging_face_model_keeps_the_contract(tmp_path: Path) -> None:
     detector = HuggingFaceDetector(save(tmp_path / "model"), threshold=0.3)
     check_detector(detector, 320, 192)
-    found = detector.detect(Frame(IMAGE, Truth()))
-    assert len(found.scores) >= 1 and found.scores[0] > 0.9
+    detections = detector.detect(Frame(IMAGE, Truth()))
+    assert len(detections.scores) >= 1 and detections.scores[0] > 0.9
     assert (
         len(
             HuggingFaceDetector(tmp_path / "model", threshold=0.3, person="tree")
@@ -167,8 +167,8 @@ def test_a_function_keeps_the_contract() -> None:
     check_detector(detector, 320, 192)
     image = np.zeros((192, 320, 3), np.uint8)
     image[80:120, 100:120] = 250
-    found = detector.detect(Frame(image, Truth()))
-    assert found.boxes.tolist() == [[100, 80, 120, 120], [0, 0, 30, 30]] and image.max() == 250
+    detections = detector.detect(Frame(image, Truth()))
+    assert detections.boxes.tolist() == [[100, 80, 120, 120], [0, 0, 30, 30]] and image.max() == 250
 
 
 @pytest.mark.parametrize(

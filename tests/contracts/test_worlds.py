@@ -175,12 +175,14 @@ def test_a_config_that_names_no_world_is_an_error(target: str, message: str) -> 
 @pytest.mark.parametrize(
     "module",
     [
-        "pipeline.core.encounter",
+        "pipeline.core.braking",
+        "pipeline.core.detections",
         "pipeline.core.ground",
         "pipeline.core.interfaces",
         "pipeline.core.kpi",
         "pipeline.core.loop",
         "pipeline.core.matching",
+        "pipeline.core.paths",
         "pipeline.core.visibility",
         "pipeline.protocols",
         "pipeline.testing",

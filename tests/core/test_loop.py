@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.core import kpi
+from pipeline.core.braking import GateKind
 from pipeline.core.car import Car
 from pipeline.core.detections import Detections
 from pipeline.core.encounter import Encounter, RoadUsers
@@ -95,7 +96,7 @@ def test_a_demand_is_the_score_and_acts_after_the_latency() -> None:
     ],
 )
 def test_the_car_brakes_for_what_passes_the_gate(
-    gate: str, box: tuple[float, ...], brakes: bool
+    gate: GateKind, box: tuple[float, ...], brakes: bool
 ) -> None:
     car = replace(CAR, aeb=replace(CAR.aeb, gate=gate))
     episode = run_test(Road(), Fixed(box), car, {})
