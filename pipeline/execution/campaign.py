@@ -249,33 +249,29 @@ def _finished(
 def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
     """Write the five tables of a campaign; `out` is tests.parquet."""
     named = [(str(TestId(plan.campaign, test.index)), test) for test in done]
-    signals = [
-        _signal_rows(name, test.outcome) for name, test in named if not test.outcome.is_error
-    ]
-    detections = [
-        _detection_rows(name, test.outcome)
-        for name, test in named
-        if len(test.outcome.detections["step"])
-    ]
-    rows = {
-        "tests": pd.DataFrame([{"test_id": name, **_test_row(plan, test)} for name, test in named]),
-        "signals": pd.concat(signals) if signals else pd.DataFrame(),
-        "detections": pd.concat(detections) if detections else pd.DataFrame(),
-        "frames": pd.DataFrame(
-            [{"test_id": name, **row} for name, test in named for row in test.outcome.frames]
-        ),
-        "timings": pd.DataFrame(
-            [
-                {
-                    "test_id": name,
-                    "sampler_s": test.sampler_s,
-                    "simulate_s": test.outcome.simulate_s,
-                }
-                for name, test in named
-            ]
-        ),
-    }
-    tables.write_campaign(out, rows.__getitem__, plan.space)
+    rows: dict[str, list[dict[str, Any]]] = {"tests": [], "frames": [], "timings": []}
+    steps: dict[str, list[pd.DataFrame]] = {"signals": [], "detections": []}
+    for name, test in named:
+        outcome = test.outcome
+        rows["tests"].append({"test_id": name, **_test_row(plan, test)})
+        rows["frames"] += [{"test_id": name, **frame} for frame in outcome.frames]
+        seconds = {"sampler_s": test.sampler_s, "simulate_s": outcome.simulate_s}
+        rows["timings"].append({"test_id": name, **seconds})
+        if not outcome.is_error:
+            signals = {signal.name: outcome.signals[signal.name] for signal in SIGNALS}
+            table = pd.DataFrame(signals)
+            table.insert(0, "test_id", name)
+            table.insert(1, "step", range(len(table)))
+            steps["signals"].append(table)
+        if len(outcome.detections["step"]):
+            columns = [column.name for column in tables.DETECTIONS[1:]]
+            table = pd.DataFrame({column: outcome.detections[column] for column in columns})
+            table.insert(0, "test_id", name)
+            steps["detections"].append(table)
+    written = {name: pd.DataFrame(table) for name, table in rows.items()}
+    for name, parts in steps.items():
+        written[name] = pd.concat(parts) if parts else pd.DataFrame()
+    tables.write_campaign(out, written.__getitem__, plan.space)
 
 
 def join(campaign: CampaignId, shards: Sequence[Path], space: Space, out: Path) -> None:
@@ -315,18 +311,3 @@ def _test_row(plan: CampaignPlan, test: Executed) -> dict[str, Any]:
         **asdict(test.kpi),
         **test.concrete,
     }
-
-
-def _signal_rows(test_id: str, outcome: Outcome) -> pd.DataFrame:
-    table = pd.DataFrame({signal.name: outcome.signals[signal.name] for signal in SIGNALS})
-    table.insert(0, "test_id", test_id)
-    table.insert(1, "step", range(len(table)))
-    return table
-
-
-def _detection_rows(test_id: str, outcome: Outcome) -> pd.DataFrame:
-    table = pd.DataFrame(
-        {column.name: outcome.detections[column.name] for column in tables.DETECTIONS[1:]}
-    )
-    table.insert(0, "test_id", test_id)
-    return table

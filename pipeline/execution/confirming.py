@@ -46,7 +46,8 @@ class FreshTests:
         All rules together are confirmed with an error of at most 1 - confidence.
         """
         drawn = [points for region in regions for points in self._drawn(region)]
-        outcomes = self._outcomes(np.concatenate(drawn)) if drawn else []
+        tests = [self.space.decode(point) for points in drawn for point in points]
+        outcomes = self.executor.outcomes(tests) if drawn else []
         counts: list[Counted] = []
         start = 0
         for points in drawn:
@@ -72,9 +73,6 @@ class FreshTests:
             return inside, draw_just_outside(self.space, rule, self.tests, rng)
         except NarrowError:
             return np.zeros((0, len(self.space))), np.zeros((0, len(self.space)))
-
-    def _outcomes(self, points: Floats) -> list[Outcome]:
-        return self.executor.outcomes([self.space.decode(point) for point in points])
 
     def _with(
         self, region: FailureRegion, inside: Counted, outside: Counted, holds: bool
