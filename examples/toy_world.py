@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from pipeline.scenarios.functional import FunctionalScenario
 
 
 class ToyWorld:
-    needs = {"fog": (0.0, 100.0), "pedestrian_speed": (0.0, 10.0)}  # noqa: RUF012
+    needs: ClassVar = {"fog": (0.0, 100.0), "pedestrian_speed": (0.0, 10.0)}
     frame_s, step_s = 0.1, 0.05  # 10 images a second; a contact is looked for every 50 ms
     camera = Pinhole(width=128, height=96, focal_px=110, ahead_m=0.5, above_m=1.4)
 
@@ -25,22 +26,21 @@ class ToyWorld:
 
     def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
         self.walking, self.fog = float(concrete["pedestrian_speed"]), float(concrete["fog"])
-        self.time, self.rng = 0.0, np.random.default_rng(seed)  # set your weather, seed your noise
+        self.time, self.rng = 0.0, np.random.default_rng(seed)  # set weather, seed your noise
         self.s, self.speed = self.scenario.start_s(), self.scenario.ego.speed_kmh / 3.6
         return self.encounter
 
     def observe(self) -> Observation:
-        users, cam = self.users(), self.camera  # read your camera and your segmentation
-        dx, dy = users.pedestrian.x - users.ego.x, users.pedestrian.y - users.ego.y
-        cos, sin = np.cos(users.ego.heading), np.sin(users.ego.heading)
-        ahead, left = max(1.0, cos * dx + sin * dy - cam.ahead_m), cos * dy - sin * dx
-        x = cam.width / 2 + cam.focal_px * (np.array([-0.3, 0.3]) - left) / ahead
-        y = cam.height / 2 + cam.focal_px * (cam.above_m - np.array([1.7, 0.0])) / ahead
-        (x0, x1), (y0, y1) = np.clip(x, 0, cam.width).round(), np.clip(y, 0, cam.height).round()
+        users, cam = self.users(), self.camera  # read your camera and its segmentation
+        ahead, left = users.ego.seen(self.scenario.pedestrian_pose(self.time, self.walking))
+        metres = max(1.0, ahead - cam.ahead_m)
+        sides = cam.width / 2 + cam.focal_px * (np.array([-0.3, 0.3]) - left) / metres
+        ends = cam.height / 2 + cam.focal_px * (cam.above_m - np.array([1.7, 0.0])) / metres
+        (x0, x1), (y0, y1) = (sides.clip(0, cam.width).round(), ends.clip(0, cam.height).round())
         image = self.rng.integers(70, 90, (cam.height, cam.width, 3), dtype=np.uint8)
         if x0 == x1 or y0 == y1:
             return Observation(image, Truth(), users)
-        contrast = 150 * (1 - self.fog / 100) ** (ahead / 10)
+        contrast = 150 * (1 - self.fog / 100) ** (metres / 10)
         image[int(y0) : int(y1), int(x0) : int(x1)] += np.uint8(contrast)
         box, pixels = (float(x0), float(y0), float(x1), float(y1)), int((x1 - x0) * (y1 - y0))
         return Observation(image, Truth(box, box, pixels, pixels, contrast), users)
@@ -51,6 +51,6 @@ class ToyWorld:
         self.time = round(self.time + seconds, 9)
         return self.users()
 
-    def users(self) -> RoadUsers:
-        ego, pedestrian = self.encounter.path.at(self.s), self.scenario.pedestrian_pose
-        return RoadUsers(self.time, self.s, ego, self.speed, pedestrian(self.time, self.walking))
+    def users(self) -> RoadUsers:  # read your actors
+        pedestrian = self.scenario.pedestrian_pose(self.time, self.walking)
+        return RoadUsers(self.time, self.s, self.encounter.path.at(self.s), self.speed, pedestrian)

@@ -18,6 +18,16 @@ class Pose:
     y: float
     heading: float
 
+    def seen(self, other: Pose) -> tuple[float, float]:
+        """Where another pose lies in the frame of this one: metres ahead and to the left.
+
+        >>> Pose(0, 0, 0).seen(Pose(10, 2, 0))
+        (10.0, 2.0)
+        """
+        cos, sin = np.cos(self.heading), np.sin(self.heading)
+        dx, dy = other.x - self.x, other.y - self.y
+        return float(cos * dx + sin * dy), float(cos * dy - sin * dx)
+
 
 @dataclass(frozen=True)
 class Piece:

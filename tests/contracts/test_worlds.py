@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import doctest
 import importlib
-import importlib.util
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any, ClassVar
 
 import pytest
 
+from examples.toy_world import ToyWorld
+from pipeline.config.components import make_world
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.encounter import Encounter, RoadUsers
@@ -30,31 +30,29 @@ EXAMPLE = ROOT / "examples" / "toy_world.py"
 HOWTO = ROOT / "docs" / "howto" / "own-simulator.md"
 
 
-@pytest.fixture(scope="module")
-def toy() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("toy_world", EXAMPLE)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("name", ["F1", "F5"])
-def test_the_toy_world_keeps_the_contract(toy: ModuleType, name: str) -> None:
+def test_the_toy_world_keeps_the_contract(name: str) -> None:
     scenario = functional_scenario(name)
-    world = toy.ToyWorld(scenario, CAR.vehicle)
+    world = ToyWorld(scenario, CAR.vehicle)
     assert isinstance(world, World)
     check_world(world, scenario.logical_space(), VisiblePixelOracle())
 
 
-def test_the_toy_world_hides_the_pedestrian_in_fog(toy: ModuleType) -> None:
-    world = toy.ToyWorld(functional_scenario("F3"), CAR.vehicle)
+def test_the_toy_world_hides_the_pedestrian_in_fog() -> None:
+    world = ToyWorld(functional_scenario("F3"), CAR.vehicle)
     failures = {}
     for fog in (0.0, 99.0):
         concrete = {"fog": fog, "pedestrian_speed": 1.5}
         episode = run_test(world, VisiblePixelOracle(), CAR, concrete)
         failures[fog] = kpi.evaluate(episode.signals, 0.1).failure
     assert failures == {0.0: False, 99.0: True}
+
+
+def test_a_study_can_name_the_toy_world() -> None:
+    words = ["simulator=analytic", "simulator._target_=examples.toy_world.ToyWorld"]
+    config = compose("smoke", words)
+    world = make_world(config.simulator, config.scenarios["F1"], config.car.vehicle)
+    assert isinstance(world, ToyWorld)
 
 
 def test_the_example_needs_no_image_library() -> None:
