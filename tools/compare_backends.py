@@ -20,12 +20,14 @@ SCENES_PER_TOWN = 10
 def render(count: int, path: Path) -> None:
     """Write `count` random scenes of the default study to an NPZ file: images and whole boxes."""
     from pipeline.config.composing import compose
+    from pipeline.simulators.mujoco.lens import CameraSettings
     from pipeline.simulators.mujoco.random_scenes import scenes
 
     config = compose("default", [])
+    camera = CameraSettings(**config.camera)
     images, boxes = [], []
     for town in range(count // SCENES_PER_TOWN):
-        for scene in scenes(town, SCENES_PER_TOWN, config.base_set, config.camera, {}):
+        for scene in scenes(town, SCENES_PER_TOWN, config.base_set, camera, {}):
             images.append(scene.image)
             boxes.append(scene.truth.whole_box or (np.nan,) * 4)
     np.savez_compressed(path, images=np.array(images), boxes=np.array(boxes, np.float64))

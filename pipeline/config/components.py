@@ -20,12 +20,12 @@ from pydantic.errors import PydanticUserError
 from pipeline.config.messages import message
 from pipeline.config.schema import AUDIT, Config
 from pipeline.config.targets import named
-from pipeline.core.car import Car
+from pipeline.core.braking import Vehicle
 from pipeline.core.lineage import VERSION_FILES, WEIGHTS_SUFFIX
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError, shown
-from pipeline.protocols import Admitted, Detector, Sampler, Simulator
+from pipeline.protocols import Admitted, Detector, Sampler, World
 from pipeline.scenarios.functional import FunctionalScenario
 
 STORED_FROM = 0.05
@@ -55,15 +55,15 @@ class Kind:
         )
 
 
-SIMULATOR = Kind(Simulator, ("scenario", "car"))
+WORLD = Kind(World, ("scenario", "vehicle"))
 DETECTOR = Kind(Detector, ("model",))
 SAMPLER = Kind(Sampler, ("space", "seed"), ("earlier",))
 
 
-def make_simulator(section: Mapping[str, Any], scenario: FunctionalScenario, car: Car) -> Simulator:
-    """The simulator of a section of the config."""
-    simulator: Simulator = component("simulator", SIMULATOR, section)(scenario=scenario, car=car)
-    return simulator
+def make_world(section: Mapping[str, Any], scenario: FunctionalScenario, vehicle: Vehicle) -> World:
+    """The world of the config's section `simulator`."""
+    world: World = component("simulator", WORLD, section)(scenario=scenario, vehicle=vehicle)
+    return world
 
 
 def make_detector(section: Mapping[str, Any], model: Path) -> Detector:
@@ -105,16 +105,16 @@ def component(key: str, kind: Kind, section: Mapping[str, Any]) -> Callable[...,
 def check_components(config: Config) -> None:
     """Check every class and all its settings, and that named files exist.
 
-    Strategies are instantiated. Of simulators and detectors, which need OpenGL and a model, the
+    Strategies are instantiated. Of worlds and detectors, which need OpenGL and a model, the
     signature is checked.
 
     Raises:
         InputError: the first fault; the message names the key.
     """
-    component("simulator", SIMULATOR, config.simulator)
+    component("simulator", WORLD, config.simulator)
     _check_scenarios(config)
     component("detector", DETECTOR, config.detector)
-    _check_signatures(config)
+    _check_threshold(config)
     for name, section in config.samplers.items():
         scenarios = config.search[:1]
         if name in config.strategies:
@@ -167,7 +167,7 @@ def _check_scenarios(config: Config) -> None:
     A simulator uses other variables, too, if it is not closed.
     """
     target = config.simulator["_target_"]
-    simulator = _class("simulator._target_", SIMULATOR, target)
+    simulator = _class("simulator._target_", WORLD, target)
     needs: Mapping[str, Admitted] = getattr(simulator, "needs", {})
     closed = getattr(simulator, "closed", False)
     for scenario in (*config.search, *config.held_out):
@@ -192,17 +192,8 @@ def _check_scenarios(config: Config) -> None:
             raise InputError(f"scenarios.{scenario}.{error}") from error
 
 
-def _check_signatures(config: Config) -> None:
-    """The simulator and the detector take the parameters that the study sets."""
-    target = config.simulator["_target_"]
-    simulator = _class("simulator._target_", SIMULATOR, target)
-    # To explain a failure, tests with changes get the noise that it had.
-    parameters = inspect.signature(simulator.execute).parameters  # type: ignore[attr-defined]
-    if config.regions.explain and "noise" not in parameters:
-        raise InputError(
-            f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', "
-            f"got {config.regions.explain}"
-        )
+def _check_threshold(config: Config) -> None:
+    """A detector that takes a threshold gets it from the config, since the study judges by it."""
     detector = _class("detector._target_", DETECTOR, config.detector["_target_"])
     if "threshold" in inspect.signature(detector).parameters and "threshold" not in config.detector:
         raise InputError(
@@ -243,7 +234,8 @@ def _check_learning(config: Config) -> None:
 def _class(key: str, kind: Kind, target: str) -> type:
     """The class of a dotted name, checked."""
     cls = named(key, target)
-    methods = " and ".join(kind.methods)
+    *most, last = kind.methods
+    methods = f"{', '.join(most)} and {last}" if most else last
     expected = f"{key}: expected a class with {methods}, a {kind.protocol.__name__}"
     has_methods = all(callable(getattr(cls, method, None)) for method in kind.methods)
     if not isinstance(cls, type) or not has_methods:

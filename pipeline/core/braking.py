@@ -1,4 +1,4 @@
-"""How the ego brakes: the vehicle's dynamics, and the law of its automatic emergency brake (AEB)."""
+"""How the ego brakes: the vehicle's dynamics, and its automatic emergency brake (AEB)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,22 @@ GRAVITY_MPS2 = 9.81
 WET_FROM_RAIN = 60.0
 """Rain, in %, from which the road is fully wet."""
 EMERGENCY_MPS2 = 5.0
-"""Demanded deceleration from which braking is emergency braking: the least that UN Regulation No. 152, 5.2.1.2, asks for."""
+"""Demanded deceleration from which braking is emergency braking: the least that UN Regulation
+No. 152, 5.2.1.2, asks for."""
 GateKind = Literal["truth", "detections"]
 LawKind = Literal["confidence", "threshold"]
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """The ego's brakes. dry_friction, wet_friction: peak friction of tyre and road, in (0, 1.5].
+    """The ego's brakes.
 
-    build_up_s: time constant of the first-order lag between demand and deceleration, seconds; 90 % is reached after 2.3 time constants.
-    latency_s: from the exposure of a frame to the demand that it causes.
+    Attributes:
+        dry_friction: peak friction of tyre and dry road, in (0, 1.5].
+        wet_friction: the same on a wet road.
+        build_up_s: time constant of the first-order lag between demand and deceleration, in [0, 2];
+            90 % is reached after 2.3 time constants.
+        latency_s: from the exposure of a frame to the demand that it causes, in [0, 2].
     """
 
     dry_friction: float
@@ -42,28 +47,39 @@ class Vehicle:
                 raise ValueError(f"{name} must be in [0, 2] s, got {getattr(self, name)}")
 
     def full_brake_mps2(self, rain: float) -> float:
-        """Deceleration under full demand at a rain of 0 to 100 %: friction falls linearly until the road is fully wet."""
+        """Deceleration under full demand: friction falls linearly until the road is fully wet.
+
+        >>> Vehicle(0.8, 0.6, build_up_s=0.1, latency_s=0.1).full_brake_mps2(rain=60)
+        5.886
+        """
         wetness = min(1.0, rain / WET_FROM_RAIN)
-        return GRAVITY_MPS2 * (
-            self.dry_friction + wetness * (self.wet_friction - self.dry_friction)
-        )
+        friction = self.dry_friction + wetness * (self.wet_friction - self.dry_friction)
+        return GRAVITY_MPS2 * friction
 
     def stopping_distance(self, speed_mps: ArrayLike, rain: float) -> NDArray[np.float64]:
-        """Metres from the exposure of a frame until the ego stops under full braking, latency and build-up included."""
+        """Metres from the exposure of a frame until the ego stops under full braking.
+
+        Latency and build-up are included. The result has the shape of `speed_mps`.
+        """
         speed = np.asarray(speed_mps, dtype=float)
-        return np.asarray(
-            speed * (self.latency_s + self.build_up_s) + speed**2 / (2 * self.full_brake_mps2(rain))
-        )
+        delayed_m = speed * (self.latency_s + self.build_up_s)
+        return np.asarray(delayed_m + speed**2 / (2 * self.full_brake_mps2(rain)))
 
 
 @dataclass(frozen=True)
 class Aeb:
     """The law of the emergency brake.
 
-    gate: the detections that it follows: those that match the true pedestrian (`truth`, thesis section 5.3) or those in the ego's path
-    (`detections`). law: the demand is the best score (`confidence`, thesis section 5.3), or 1 (`threshold`). brakes_from: lowest score that
-    brakes, in [0, 1]. votes, window: it brakes if the newest frame asks for it, and at least `votes` of the last `window` frames do.
-    margin_m: metres beside the ego that still belong to its path.
+    It brakes if the newest frame asks for it, and at least `votes` of the last `window` frames do.
+
+    Attributes:
+        gate: the detections that it follows: those that match the true pedestrian (`truth`, thesis
+            section 5.3) or those in the ego's path (`detections`).
+        law: the demand is the best score (`confidence`, thesis section 5.3), or 1 (`threshold`).
+        brakes_from: lowest score that brakes, in [0, 1].
+        votes: in [1, window].
+        window: number of frames.
+        margin_m: metres beside the ego that still belong to its path, in [0, 5].
     """
 
     gate: GateKind
@@ -84,14 +100,15 @@ class Aeb:
             raise ValueError(f"margin_m must be in [0, 5] m, got {self.margin_m}")
 
     def demand(self, best: ArrayLike, asking: ArrayLike) -> NDArray[np.float64]:
-        """Brake demand in [0, 1]. best: the newest frame's best score that asks for it, 0 for none. asking: number of the last `window`
-        frames that ask."""
+        """Brake demand in [0, 1].
+
+        Args:
+            best: the newest frame's best score that asks for it, 0 for none.
+            asking: number of the last `window` frames that ask, of the same shape.
+        """
         score = np.asarray(best, dtype=float)
-        return np.where(
-            (score > 0) & (np.asarray(asking) >= self.votes),
-            1.0 if self.law == "threshold" else score,
-            0.0,
-        )
+        brakes = (score > 0) & (np.asarray(asking) >= self.votes)
+        return np.where(brakes, 1.0 if self.law == "threshold" else score, 0.0)
 
 
 class EmergencyBrake:
@@ -102,7 +119,12 @@ class EmergencyBrake:
         self._asked: deque[bool] = deque(maxlen=aeb.window)
 
     def demand(self, detections: Detections, followed: NDArray[np.bool_]) -> float:
-        """Brake demand in [0, 1] after a frame. followed: (n,) whether the gate lets a detection through."""
+        """Brake demand in [0, 1] after a frame.
+
+        Args:
+            detections: of the frame.
+            followed: (n,) whether the gate lets each detection through.
+        """
         aeb = self._aeb
         asking = followed & (detections.scores >= aeb.brakes_from)
         best = float(detections.scores[asking].max(initial=0.0))

@@ -1,4 +1,4 @@
-"""The car under test, apart from its detector: what counts as a detection, when it brakes and how well."""
+"""The car under test, apart from its detector."""
 
 from __future__ import annotations
 
@@ -10,7 +10,13 @@ from pipeline.core.matching import Criterion
 
 @dataclass(frozen=True)
 class Car:
-    """Everything between the detector's report and the ego's motion."""
+    """Everything between the detector's report and the ego's motion.
+
+    Attributes:
+        vehicle: how well it brakes.
+        aeb: when it brakes.
+        criterion: what counts as a detection.
+    """
 
     vehicle: Vehicle
     aeb: Aeb

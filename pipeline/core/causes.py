@@ -1,4 +1,4 @@
-"""Why a test failed: what the detector reported in the frames in which braking would still have helped."""
+"""Why a test failed: what the detector reported while braking would still have helped."""
 
 from __future__ import annotations
 
@@ -21,32 +21,42 @@ Cause = Literal[
     "false_positives",
     "false_activation",
 ]
-"""none: no failure. not_solvable: no frame in which a person could see the pedestrian came in time, see `solvable`. false_positives,
-false_activation: as the failure mode. Otherwise:
+"""none: no failure. not_solvable: no frame in which a person could see the pedestrian came in time,
+see `solvable`. false_positives, false_activation: as the failure mode. Otherwise:
 
-- never_seen: in no frame does a reported detection touch the pedestrian, or one with a lower score fit it.
+- never_seen: in no frame does a reported detection touch the pedestrian, or one with a lower score
+  fit it.
 
-The others judge the frames that came in time, in which a person could see the pedestrian and none of the reported detections matched. The
-most frequent one counts, in equal numbers the first:
+The others judge the frames that came in time, in which a person could see the pedestrian and no
+reported detection matched. The most frequent one counts, in equal numbers the first:
 
-- too_late: there is nothing; or every frame had a match, and the brake followed too late or too weakly;
+- too_late: there is nothing; or every frame had a match, and the brake followed too late or too
+  weakly;
 - box: a reported detection touches the pedestrian, but its box does not fit;
 - confidence: a detection fits, but its score is too low to be reported.
 """
 
 
 def solvable(signals: Signals) -> bool:
-    """Whether full braking from some frame in which a person could see the pedestrian would have stopped the ego in time.
+    """Whether full braking would have helped in a frame in which a person could see the pedestrian.
 
-    A person sees what is `visible`. If the answer is no, no detector that judges single
-    images as well as a person could pass the test with this camera: sensor and sight line are the limit. The pedestrian's own motion out of
-    the way does not count.
+    A person sees what is `visible`. If the answer is no, no detector that judges single images as
+    well as a person could pass the test with this camera: sensor and sight line are the limit. The
+    pedestrian's own motion out of the way does not count.
+
+    Args:
+        signals: of the test.
     """
     return bool(_in_time(signals).any())
 
 
 def cause(signals: Signals, failure_mode: str) -> Cause:
-    """The cause of a failure from its signals; failure_mode: as in tests.parquet."""
+    """The cause of a failure.
+
+    Args:
+        signals: of the test.
+        failure_mode: as in tests.parquet.
+    """
     if failure_mode == "none":
         return "none"
     if failure_mode == "false_activation":
@@ -65,12 +75,13 @@ def cause(signals: Signals, failure_mode: str) -> Cause:
         "box": int(badly.sum()),
         "confidence": int(low.sum()),
     }
-    return max(counts, key=lambda one: counts[one])
+    return max(counts, key=lambda name: counts[name])
 
 
 def _in_time(signals: Signals) -> NDArray[np.bool_]:
+    """The frames in which a person could see the pedestrian and braking would have helped, (t,)."""
     seen = visible(signals["visible_pixels"], signals["contrast"])
-    return np.asarray(
-        seen
-        & (np.asarray(signals["conflict_distance_m"]) > np.asarray(signals["stopping_distance_m"]))
+    left_m, needed_m = (
+        np.asarray(signals[f"{kind}_distance_m"]) for kind in ("conflict", "stopping")
     )
+    return np.asarray(seen & (left_m > needed_m))

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 class Detections:
     """Pedestrians that a detector reports in one image, best first.
 
-    boxes: (n, 4) float32, finite, pixels, left, top, right, bottom. scores: (n,) float32 in [0, 1], descending.
+    Attributes:
+        boxes: (n, 4) float32, finite: left, top, right, bottom in pixels.
+        scores: (n,) float32 in [0, 1], descending.
+
+    Raises:
+        ValueError: for another shape, other numbers, or another order.
+
+    >>> len(Detections.none().scores)
+    0
     """
 
     boxes: NDArray[np.float32]
@@ -38,4 +46,5 @@ class Detections:
 
     @staticmethod
     def none() -> Detections:
+        """No detection."""
         return Detections(np.zeros((0, 4), np.float32), np.zeros(0, np.float32))

@@ -17,9 +17,12 @@ from pipeline.core.truth import Truth
 
 @dataclass(frozen=True)
 class Frame:
-    """One camera frame. image: (height, width, 3) uint8 RGB.
+    """One camera frame. A detector reads `image` alone.
 
-    A detector reads `image` alone; `truth` is for scripted stand-ins and for labels.
+    Attributes:
+        image: (height, width, 3) uint8 RGB.
+        truth: for labels and scripted stand-ins.
+        time_s: since the start of the test.
     """
 
     image: NDArray[np.uint8]
@@ -29,7 +32,12 @@ class Frame:
 
 @dataclass(frozen=True)
 class FrameDetections:
-    """All detections of a frame, reported or not. in_path: (n,) whether the foot of each box lies in the ego's path."""
+    """All detections of a frame, reported or not.
+
+    Attributes:
+        detections: n of them.
+        in_path: (n,) whether the foot of each box lies in the ego's path.
+    """
 
     detections: Detections
     in_path: NDArray[np.bool_]
@@ -37,7 +45,7 @@ class FrameDetections:
 
 @dataclass(frozen=True)
 class KeptFrame:
-    """A frame of a test execution that was kept for training, with the detections in it and how they match its truth."""
+    """A frame that was kept for training, with its detections and how they match its truth."""
 
     step: int
     frame: Frame
@@ -47,7 +55,13 @@ class KeptFrame:
 
 @dataclass(frozen=True)
 class Episode:
-    """The result of one test execution: (t,) arrays named and typed as `SIGNALS`, the kept frames, and the detections by time step."""
+    """The result of one test execution.
+
+    Attributes:
+        signals: (t,) arrays named and typed as `SIGNALS`.
+        frames: the kept frames.
+        detections: of each time step.
+    """
 
     signals: Mapping[str, NDArray[np.generic]]
     frames: tuple[KeptFrame, ...] = field(default=())

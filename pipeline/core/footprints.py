@@ -16,7 +16,7 @@ PARALLEL_M = 1e-9
 
 @dataclass(frozen=True)
 class Rectangle:
-    """A vehicle's footprint: the pose of its middle, half its length and half its width in metres."""
+    """A vehicle's footprint: the pose of its middle, half its length and half its width, metres."""
 
     pose: Pose
     half_length: float
@@ -28,14 +28,8 @@ class Rectangle:
         c, s = np.cos(self.pose.heading), np.sin(self.pose.heading)
         ahead, left = np.array([c, s]) * self.half_length, np.array([-s, c]) * self.half_width
         middle = np.array([self.pose.x, self.pose.y])
-        return np.stack(
-            [
-                middle + ahead + left,
-                middle + ahead - left,
-                middle - ahead - left,
-                middle - ahead + left,
-            ]
-        )
+        front, rear = middle + ahead, middle - ahead
+        return np.stack([front + left, front - left, rear - left, rear + left])
 
     def distance(self, x: float, y: float) -> float:
         """Metres from the rectangle to a point; 0 inside."""
@@ -46,7 +40,7 @@ class Rectangle:
         return float(np.hypot(ahead, left))
 
     def crossed_by(self, start: tuple[float, float], end: tuple[float, float]) -> bool:
-        """Whether the straight line between two points, metres, touches the rectangle (slab method)."""
+        """Whether the straight line between two points, metres, touches it (slab method)."""
         c, s = np.cos(self.pose.heading), np.sin(self.pose.heading)
         turned = np.array([[c, s], [-s, c]])
         here = turned @ (np.array(start) - (self.pose.x, self.pose.y))

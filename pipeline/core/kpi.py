@@ -1,4 +1,4 @@
-"""KPIs of a test execution: adjusted time-to-collision (thesis Eq. 5.2, 5.3) and further measures."""
+"""KPIs of a test: adjusted time-to-collision (thesis Eq. 5.2, 5.3) and further measures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ MIN_SPEED_MPS = 0.05
 
 @dataclass(frozen=True)
 class Kpi:
-    """The KPIs of one test execution, each a column of tests.parquet. `adj_ttc_s` and `ttc_s` are always finite."""
+    """The KPIs of one test execution, each a column of tests.parquet.
+
+    `adj_ttc_s` and `ttc_s` are always finite.
+    """
 
     adj_ttc_s: float = column(
         "adjusted time-to-collision (Eq. 5.3): the smallest TTC over one plus the false positives",
@@ -32,7 +35,8 @@ class Kpi:
         "smallest TTC over one plus the false positives of an average frame", "s"
     )
     failure: bool = column(
-        "whether the adjusted TTC is at or below the threshold (Def. 4.10); without collision path and contact, any false activation"
+        "whether the adjusted TTC is at or below the threshold (Def. 4.10); without collision path "
+        "and contact, any false activation"
     )
     failure_mode: FailureMode = column(
         "how it failed; `false_positives` means by false positives alone"
@@ -44,19 +48,21 @@ class Kpi:
         "smallest distance between the footprints of ego and pedestrian", "m"
     )
     post_encroachment_s: float = column(
-        "time from the pedestrian leaving the corridor to the ego reaching the conflict point, if need be at its last speed; no value in "
-        "any other order or if the ego stops",
+        "time from the pedestrian leaving the corridor to the ego reaching the conflict point, "
+        "if need be at its last speed; no value in any other order or if the ego stops",
         "s",
     )
     first_detection_s: float = column(
         "time of the first detection of the pedestrian; no value if never", "s"
     )
     first_detection_m: float = column(
-        "distance from the ego's front to the conflict point at the first detection; no value if never",
+        "distance from the ego's front to the conflict point at the first detection; "
+        "no value if never",
         "m",
     )
     false_activations: int = column(
-        "unnecessary emergency braking: runs of frames that demand at least 5 m/s² without a collision path"
+        "unnecessary emergency braking: runs of frames that demand at least 5 m/s² "
+        "without a collision path"
     )
     false_activation_s: float = column("total duration of the false activations", "s")
     speed_loss_mps: float = column("speed lost by unnecessary braking", "m/s")
@@ -82,10 +88,22 @@ NO_KPI = Kpi(**{described.name: described.nothing for described in KPIS})
 
 
 def ttc(signals: Signals) -> Floats:
-    """Time-to-collision of each row, (t,) seconds (Eq. 5.2).
+    """Time-to-collision of each row (Eq. 5.2).
 
-    0 at contact; otherwise conflict distance over ego speed while a collision path exists and the ego moves faster than
-    0.05 m/s; NaN elsewhere.
+    Args:
+        signals: of one test.
+
+    Returns:
+        (t,) seconds: 0 at contact; otherwise conflict distance over ego speed while a collision
+        path exists and the ego moves faster than 0.05 m/s; NaN elsewhere.
+
+    >>> ttc({
+    ...     "ego_speed_mps": [10.0, 10.0, 8.0],
+    ...     "conflict_distance_m": [20.0, 10.0, 0.0],
+    ...     "on_collision_path": [False, True, True],
+    ...     "contact": [False, False, True],
+    ... })
+    array([nan,  1.,  0.])
     """
     speed = np.asarray(signals["ego_speed_mps"], dtype=float)
     distance = np.asarray(signals["conflict_distance_m"], dtype=float)
@@ -96,18 +114,36 @@ def ttc(signals: Signals) -> Floats:
 
 
 def running_adj_ttc(signals: Signals) -> Floats:
-    """Adjusted TTC of each row, (t,) seconds: its TTC, divided by one plus the false positives up to it; NaN where TTC is undefined."""
+    """Adjusted TTC of each row, (t,) seconds; NaN where TTC is undefined.
+
+    It is the row's TTC, divided by one plus the false positives up to it.
+    """
     return np.asarray(ttc(signals) / (1 + np.cumsum(signals["false_positives"])))
 
 
 def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
-    """Compute every KPI of one test execution from its signals.
+    """Compute every KPI of one test execution.
 
-    failure_threshold_s: a test is a failure if its adjusted TTC (Eq. 5.3) is at or below it (Def. 4.10). A test in which no collision path
-    ever exists asks the ego not to brake: it is a failure if there is a false activation.
+    If no row counts for the TTC (the paths never met while the ego moved), the first row's distance
+    over its speed, at least 0.05 m/s, replaces it: the KPI stays finite, and a search can still
+    rank such tests.
 
-    If no row counts for the TTC (the paths never met while the ego moved), the first row's distance over its speed, at least 0.05 m/s,
-    replaces it: the KPI stays finite, and a search can still rank such tests.
+    Args:
+        signals: of the test.
+        failure_threshold_s: a test is a failure if its adjusted TTC (Eq. 5.3) is at or below it
+            (Def. 4.10). A test in which no collision path ever exists asks the ego not to brake: it
+            is a failure if there is a false activation.
+
+    >>> from pipeline.core.loop import run_test
+    >>> from pipeline.detectors.scripted import BlindDetector
+    >>> from pipeline.simulators.analytic import AnalyticWorld
+    >>> from pipeline.testing import CAR
+    >>> weather = {"rain": 0.0, "fog": 10.0, "sun_altitude": 45.0}
+    >>> concrete = {**weather, "pedestrian_speed": 1.5, "animation": "walking"}
+    >>> episode = run_test(AnalyticWorld(), BlindDetector(), CAR, concrete)
+    >>> kpi = evaluate(episode.signals, failure_threshold_s=0.1)
+    >>> kpi.failure_mode, kpi.impact_speed_mps
+    ('contact', 10.0)
     """
     shortest, touched = _shortest_ttc(signals), np.asarray(signals["contact"], dtype=bool)
     false_positives = int(np.sum(signals["false_positives"]))
@@ -115,7 +151,14 @@ def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
     adjusted, contact = shortest / (1 + false_positives), bool(touched.any())
     activations = _false_activations(signals)
     mode = _mode(signals, contact, shortest, adjusted, failure_threshold_s)
-    first_s, first_m = _first_detection(signals)
+    undetected = np.asarray(signals["confidence"]) == 0
+    missed = visible(signals["visible_pixels"], signals["contrast"]) & undetected
+    first_s = first_m = float("nan")
+    if not undetected.all():
+        first = int(np.argmin(undetected))
+        first_s, first_m = (
+            float(signals[name][first]) for name in ("time_s", "conflict_distance_m")
+        )
     return Kpi(
         adj_ttc_s=adjusted,
         ttc_s=shortest,
@@ -132,7 +175,7 @@ def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
         false_activations=len(activations),
         false_activation_s=float(sum(activations)),
         speed_loss_mps=_speed_loss(signals),
-        missed_frames=_missed_frames(signals),
+        missed_frames=int(np.sum(missed)),
         false_positives=false_positives,
         false_positives_per_frame=per_frame,
         false_positives_far=int(np.sum(signals["false_positives_far"])),
@@ -142,10 +185,19 @@ def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
 
 
 def told(adj_ttc_s: Floats, failure: ArrayLike, failure_threshold_s: float) -> Floats:
-    """What a strategy learns of (n,) tests: the adjusted TTC, NaN without one, moved across the threshold where it contradicts `failure`.
+    """What a strategy learns of tests: the adjusted TTC, moved across the threshold if need be.
 
-    Without a collision path, a false activation decides, whatever the adjusted TTC. At or below the threshold, a strategy takes a test for
-    a failure.
+    It lies above the threshold exactly for the tests that did not fail. Without a collision path, a
+    false activation decides, whatever the adjusted TTC. At or below the threshold, a strategy
+    treats a test as a failure.
+
+    Args:
+        adj_ttc_s: (n,) seconds, NaN for none.
+        failure: (n,) whether each test failed.
+        failure_threshold_s: seconds.
+
+    >>> told(np.array([0.05, 3.0, 3.0]), [True, True, False], 0.1)
+    array([0.05, 0.1 , 3.  ])
     """
     beyond = np.nextafter(failure_threshold_s, np.inf)
     return np.where(
@@ -163,10 +215,8 @@ def asks_to_brake(signals: Signals) -> bool:
 def _shortest_ttc(signals: Signals) -> float:
     rows = ttc(signals)
     if np.isnan(rows).all():
-        return float(
-            signals["conflict_distance_m"][0]
-            / max(float(signals["ego_speed_mps"][0]), MIN_SPEED_MPS)
-        )
+        speed = max(float(signals["ego_speed_mps"][0]), MIN_SPEED_MPS)
+        return float(signals["conflict_distance_m"][0] / speed)
     return float(np.nanmin(rows))
 
 
@@ -183,58 +233,41 @@ def _mode(
 
 
 def _false_activations(signals: Signals) -> list[float]:
-    """Seconds of each run of rows that demand emergency braking although no collision path exists."""
-    wrong = (np.asarray(signals["demand_mps2"]) >= EMERGENCY_MPS2) & ~np.asarray(
-        signals["on_collision_path"], dtype=bool
-    )
+    """Seconds of each run of rows that demand emergency braking without a collision path."""
+    off = ~np.asarray(signals["on_collision_path"], dtype=bool)
+    wrong = (np.asarray(signals["demand_mps2"]) >= EMERGENCY_MPS2) & off
     edges = np.diff(np.concatenate([[0], wrong.astype(int), [0]]))
     times = np.append(signals["time_s"], signals["time_s"][-1])
-    return [
-        float(times[end] - times[start])
-        for start, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
-    ]
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return [float(seconds) for seconds in times[ends] - times[starts]]
 
 
 def _speed_loss(signals: Signals) -> float:
     """Speed lost between rows without a collision path."""
-    speed, off = (
-        np.asarray(signals["ego_speed_mps"], dtype=float),
-        ~np.asarray(signals["on_collision_path"], dtype=bool),
-    )
+    speed = np.asarray(signals["ego_speed_mps"], dtype=float)
+    off = ~np.asarray(signals["on_collision_path"], dtype=bool)
     return float(np.sum(np.maximum(0, -np.diff(speed)), where=off[:-1] & off[1:]))
 
 
 def _post_encroachment(signals: Signals) -> float:
-    """Seconds from the pedestrian leaving the swept corridor to the ego's front reaching the conflict point.
+    """Seconds from the pedestrian leaving the corridor to the ego's front at the conflict point.
 
-    A test may end before the ego arrives; it is then taken to keep its last speed. NaN unless both happen in this order, which excludes a
-    contact, and an ego that has stopped. Resolution: one row.
+    A test may end before the ego arrives; it is then taken to keep its last speed. NaN unless both
+    happen in this order, which excludes a contact and an ego that has stopped. Resolution: one
+    row.
     """
-    on_path, times = np.flatnonzero(signals["on_collision_path"]), signals["time_s"]
-    distance, speed = (
-        np.asarray(signals["conflict_distance_m"], dtype=float),
-        float(signals["ego_speed_mps"][-1]),
-    )
+    nothing, times = float("nan"), signals["time_s"]
+    on_path = np.flatnonzero(signals["on_collision_path"])
+    if np.any(signals["contact"]) or not len(on_path) or on_path[-1] + 1 == len(times):
+        return nothing
+    left = float(times[on_path[-1] + 1])
+    distance = np.asarray(signals["conflict_distance_m"], dtype=float)
+    speed = float(signals["ego_speed_mps"][-1])
     arrived = np.flatnonzero(distance <= 0)
-    if (
-        np.any(signals["contact"])
-        or not len(on_path)
-        or on_path[-1] + 1 == len(times)
-        or not (len(arrived) or speed > MIN_SPEED_MPS)
-    ):
-        return float("nan")
-    arrival = float(times[arrived[0]]) if len(arrived) else float(times[-1] + distance[-1] / speed)
-    waited = arrival - float(times[on_path[-1] + 1])
-    return waited if waited >= 0 else float("nan")
-
-
-def _first_detection(signals: Signals) -> tuple[float, float]:
-    detected = np.flatnonzero(np.asarray(signals["confidence"]) > 0)
-    if not len(detected):
-        return float("nan"), float("nan")
-    return float(signals["time_s"][detected[0]]), float(signals["conflict_distance_m"][detected[0]])
-
-
-def _missed_frames(signals: Signals) -> int:
-    undetected = np.asarray(signals["confidence"]) == 0
-    return int(np.sum(visible(signals["visible_pixels"], signals["contrast"]) & undetected))
+    if len(arrived):
+        arrival = float(times[arrived[0]])
+    elif speed > MIN_SPEED_MPS:
+        arrival = float(times[-1] + distance[-1] / speed)
+    else:
+        return nothing
+    return arrival - left if arrival >= left else nothing

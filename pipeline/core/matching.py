@@ -12,7 +12,6 @@ from pipeline.core.boxes import Box, iou
 from pipeline.core.detections import Detections
 from pipeline.core.truth import Truth
 
-Floats = NDArray[np.float64]
 DetectionOutcome = Literal[
     "true_positive", "duplicate", "localisation", "far", "ignored", "unreported"
 ]
@@ -21,9 +20,13 @@ TOUCH_IOU = 0.1
 
 @dataclass(frozen=True)
 class Criterion:
-    """When a detection counts. iou: overlap with the visible box above which it matches the pedestrian, in [0.1, 1).
+    """When a detection counts.
 
-    threshold: score from which the detector reports it, in [0, 1]; a weaker one is neither right nor wrong.
+    Attributes:
+        iou: overlap with the visible box above which a detection matches the pedestrian, in
+            [0.1, 1).
+        threshold: score from which the detector reports a detection, in [0, 1]; a weaker one is
+            neither right nor wrong.
     """
 
     iou: float = 0.5
@@ -44,26 +47,34 @@ COCO = Criterion()
 class Matching:
     """How the detections of one frame fit the pedestrian.
 
-    outcomes: one per detection, in the given order. confidence: in [0, 1], score of the best reported detection that matches the
-    pedestrian, 0 if there is none. any_confidence: the same over all detections, reported or not. overlap: in [0, 1], largest IoU of a
-    reported detection with the visible box.
+    Attributes:
+        outcomes: of each detection, in the given order.
+        confidence: score of the best reported detection that matches the pedestrian, in [0, 1], 0
+            if there is none.
+        any_confidence: the same over all detections, reported or not.
+        overlap: largest IoU of a reported detection with the visible box, in [0, 1].
+        matches: of each detection, reported or not, whether it matches the pedestrian.
     """
 
     outcomes: tuple[DetectionOutcome, ...] = ()
     confidence: float = 0.0
     any_confidence: float = 0.0
     overlap: float = 0.0
+    matches: tuple[bool, ...] = ()
 
     @property
     def far(self) -> int:
+        """Number of false positives away from the pedestrian."""
         return self.outcomes.count("far")
 
     @property
     def localisation(self) -> int:
+        """Number of false positives that fit the pedestrian poorly."""
         return self.outcomes.count("localisation")
 
     @property
     def duplicate(self) -> int:
+        """Number of false positives in addition to a better match."""
         return self.outcomes.count("duplicate")
 
     @property
@@ -75,52 +86,52 @@ class Matching:
 def match(detections: Detections, truth: Truth, criterion: Criterion = COCO) -> Matching:
     """Sort the detections of a frame with one pedestrian into true and false positives.
 
-    By IoU with the visible box: above the criterion's the best score is the true positive and the others are duplicates, in (0.1, iou] it
-    is a localisation error, below it is far. If the pedestrian is barely visible, a detection with IoU > 0.1 with the visible or the whole
-    box is ignored, as COCO ignores crowds: it brakes, but is not a false positive.
+    By IoU with the visible box: of those above the criterion's IoU the best score is the true
+    positive and the others are duplicates, in (0.1, iou] a detection is a localisation error, below
+    it is far. If the pedestrian is barely visible, a detection with IoU > 0.1 with the visible or
+    the whole box is ignored, as COCO ignores crowds: it brakes, but is not a false positive.
+
+    Args:
+        detections: of the frame, reported or not.
+        truth: of the frame.
+        criterion: when a detection is reported, and when it matches.
+
+    >>> box, aside = (10.0, 10.0, 20.0, 40.0), (60.0, 10.0, 70.0, 40.0)
+    >>> boxes, scores = np.array([box, aside], np.float32), np.array([0.9, 0.4], np.float32)
+    >>> truth = Truth(box, box, visible_pixels=300, whole_pixels=300, contrast=50.0)
+    >>> match(Detections(boxes, scores), truth).outcomes
+    ('true_positive', 'far')
     """
+    if not len(detections.scores):
+        return Matching()
     scores = np.asarray(detections.scores, dtype=float)
-    seen, whole = _overlap(detections, truth.visible_box), _overlap(detections, truth.whole_box)
+    seen = touching = _overlap(detections, truth.visible_box)
     # In single precision, as detectors compare: in double, a score of 0.9 is less than 0.9.
     reported, matches = detections.scores >= criterion.threshold, seen > criterion.iou
-    best = _best(scores, matches & reported)
-    hardly = truth.barely_visible
-    outcomes: list[DetectionOutcome] = [
-        _outcome(
-            i == best, float(seen[i]), hardly and max(seen[i], whole[i]) > TOUCH_IOU, criterion.iou
-        )
-        if reported[i]
-        else "unreported"
-        for i in range(len(scores))
-    ]
+    if truth.barely_visible:
+        touching = np.maximum(seen, _overlap(detections, truth.whole_box))
+    candidates = np.flatnonzero(matches & reported)
+    best = int(candidates[np.argmax(scores[candidates])]) if len(candidates) else -1
+    outcomes: list[DetectionOutcome] = []
+    for i in range(len(scores)):
+        if not reported[i]:
+            outcomes.append("unreported")
+        elif truth.barely_visible and touching[i] > TOUCH_IOU:
+            outcomes.append("ignored")
+        elif i == best:
+            outcomes.append("true_positive")
+        elif matches[i]:
+            outcomes.append("duplicate")
+        else:
+            outcomes.append("localisation" if seen[i] > TOUCH_IOU else "far")
     return Matching(
         tuple(outcomes),
         confidence=float(scores[best]) if best >= 0 else 0.0,
         any_confidence=float(scores[matches].max(initial=0.0)),
         overlap=float(seen[reported].max(initial=0.0)),
+        matches=tuple(matches.tolist()),
     )
 
 
-def on_pedestrian(detections: Detections, truth: Truth, criterion: Criterion) -> NDArray[np.bool_]:
-    """Whether each detection, reported or not, matches the pedestrian, (n,)."""
-    return np.asarray(_overlap(detections, truth.visible_box) > criterion.iou)
-
-
-def _best(scores: Floats, candidates: NDArray[np.bool_]) -> int:
-    """Index of the first best score among the candidates, -1 without any."""
-    indices = np.flatnonzero(candidates)
-    return int(indices[np.argmax(scores[indices])]) if len(indices) else -1
-
-
-def _overlap(detections: Detections, box: Box | None) -> Floats:
+def _overlap(detections: Detections, box: Box | None) -> NDArray[np.float64]:
     return np.zeros(len(detections.boxes)) if box is None else iou(detections.boxes, [box])[:, 0]
-
-
-def _outcome(best: bool, overlap: float, ignored: bool, match_iou: float) -> DetectionOutcome:
-    if ignored:
-        return "ignored"
-    if best:
-        return "true_positive"
-    if overlap > match_iou:
-        return "duplicate"
-    return "localisation" if overlap > TOUCH_IOU else "far"

@@ -1,4 +1,4 @@
-"""Paths of road users: straight pieces joined by circular arcs, parametrised by the distance along them."""
+"""Paths of road users: straight pieces joined by circular arcs, by the distance along them."""
 
 from __future__ import annotations
 
@@ -18,21 +18,34 @@ class Pose:
     y: float
     heading: float
 
+    def seen(self, other: Pose) -> tuple[float, float]:
+        """Where another pose lies in the frame of this one: metres ahead and to the left.
+
+        >>> Pose(0, 0, 0).seen(Pose(10, 2, 0))
+        (10.0, 2.0)
+        """
+        cos, sin = np.cos(self.heading), np.sin(self.heading)
+        dx, dy = other.x - self.x, other.y - self.y
+        return float(cos * dx + sin * dy), float(cos * dy - sin * dx)
+
 
 @dataclass(frozen=True)
 class Piece:
-    """A straight piece (curvature 0) or an arc that begins at `start`; curvature in 1/m, positive to the left."""
+    """A straight piece (curvature 0) or an arc that begins at `start`.
+
+    length: metres. curvature: 1/m, positive to the left.
+    """
 
     start: Pose
     length: float
     curvature: float
 
     def at(self, s: float) -> Pose:
+        """Pose after s metres."""
         turned = s * self.curvature
-        heading = self.start.heading + turned
-        # The arc's chord: exact, and finite for a straight piece.
-        chord = s * np.sinc(turned / 2 / np.pi)
-        middle = self.start.heading + turned / 2
+        heading, middle = self.start.heading + turned, self.start.heading + turned / 2
+        # The arc's chord, which is s for a straight piece.
+        chord = s * np.sinc(turned / 2 / np.pi) if self.curvature else s
         return Pose(
             float(self.start.x + chord * np.cos(middle)),
             float(self.start.y + chord * np.sin(middle)),
@@ -40,12 +53,13 @@ class Piece:
         )
 
     def foot(self, x: float, y: float) -> float:
-        """Metres from the start of this piece, extended without end, to its point nearest to (x, y)."""
+        """Metres from the start of this piece to its point nearest to (x, y).
+
+        The piece is taken to have no end.
+        """
         c, s = np.cos(self.start.heading), np.sin(self.start.heading)
-        ahead, left = (
-            c * (x - self.start.x) + s * (y - self.start.y),
-            -s * (x - self.start.x) + c * (y - self.start.y),
-        )
+        dx, dy = x - self.start.x, y - self.start.y
+        ahead, left = c * dx + s * dy, -s * dx + c * dy
         if not self.curvature:
             return float(ahead)
         # The angle around the arc's centre, 1/curvature to the left.
@@ -55,10 +69,23 @@ class Piece:
 
 
 class Path:
-    """A path through waypoints with rounded corners; it continues straight before the first and after the last waypoint."""
+    """A path through waypoints with rounded corners.
+
+    It continues straight before the first and after the last waypoint.
+
+    Args:
+        waypoints: at least two, (x, y) metres.
+        radius: of the corners' arcs, metres; it must fit between neighbouring corners.
+
+    Raises:
+        ValueError: for fewer waypoints, equal neighbours, and corners that do not fit.
+
+    >>> path = Path([(0, 0), (10, 0), (10, 10)], radius=2)
+    >>> round(path.length, 2), path.project(5, 1)
+    (19.14, (5.0, 1.0))
+    """
 
     def __init__(self, waypoints: Sequence[Point], radius: float = 0.0) -> None:
-        """waypoints: at least two, metres. radius: of the corners' arcs, metres; it must fit between neighbouring corners."""
         points = np.asarray(waypoints, dtype=float)
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
             raise ValueError(f"a path needs at least two waypoints (x, y), got {list(waypoints)}")
@@ -75,7 +102,8 @@ class Path:
         straight = lengths - before - after
         if straight.min() < -1e-9:
             raise ValueError(
-                f"corners of radius {radius:g} m do not fit between waypoints {int(straight.argmin()) + 1} and the next"
+                f"corners of radius {radius:g} m do not fit between waypoints "
+                f"{int(straight.argmin()) + 1} and the next"
             )
         self.pieces: list[Piece] = []
         pose = Pose(float(points[0, 0]), float(points[0, 1]), float(headings[0]))
@@ -106,14 +134,17 @@ class Path:
         return self.pieces[i].at(float(s - start))
 
     def project(self, x: float, y: float) -> tuple[float, float]:
-        """The point of the path nearest to a given point: metres along the path, and metres from it to the given point, positive to the
-        left."""
+        """The point of the path nearest to a given point.
+
+        Returns:
+            Metres along the path, and metres from the path to the point, positive to the left.
+        """
         best = (np.inf, 0.0, 0.0)
         for i, piece in enumerate(self.pieces):
             start = float(self._ends[i - 1]) if i else 0.0
             low = -np.inf if i == 0 else 0.0
             high = np.inf if i == len(self.pieces) - 1 else piece.length
-            s = float(np.clip(piece.foot(x, y), low, high))
+            s = min(max(piece.foot(x, y), low), high)
             pose = piece.at(s)
             dx, dy = x - pose.x, y - pose.y
             left = float(-np.sin(pose.heading) * dx + np.cos(pose.heading) * dy)

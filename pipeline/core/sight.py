@@ -16,10 +16,11 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Sight:
-    """The moments of first sight, last chance and first detection; each has no value if it never comes.
+    """The moments of first sight, last chance and first detection; no value for what never comes.
 
-    First sight: the first frame in which a person could make out the pedestrian, see `pipeline.core.visibility.visible`. Last chance: the
-    last frame from which full braking would still have stopped the ego before the conflict point. Distances are from the ego's front to the
+    First sight: the first frame in which a person could make out the pedestrian, see
+    `pipeline.core.visibility.visible`. Last chance: the last frame from which full braking would
+    still have stopped the ego before the conflict point. Distances are from the ego's front to the
     conflict point.
     """
 
@@ -58,13 +59,13 @@ SIGHT = columns(Sight)
 
 
 def sight(signals: Signals) -> Sight:
-    """What the camera saw in a test execution. The last row has no frame, so it is no last chance."""
+    """What the camera saw in a test. The last row has no frame, so it is no last chance."""
     seen = _first(visible(signals["visible_pixels"], signals["contrast"]))
-    in_time = np.flatnonzero(
-        np.asarray(signals["conflict_distance_m"][:-1])
-        > np.asarray(signals["stopping_distance_m"][:-1])
+    detected = _first(np.asarray(signals["confidence"]) > 0)
+    left_m, needed_m = (
+        np.asarray(signals[f"{kind}_distance_m"][:-1]) for kind in ("conflict", "stopping")
     )
-    found = _first(np.asarray(signals["confidence"]) > 0)
+    in_time = np.flatnonzero(left_m > needed_m)
     last = int(in_time[-1]) if len(in_time) else None
     return Sight(
         first_sight_s=_at(signals, "time_s", seen),
@@ -74,8 +75,8 @@ def sight(signals: Signals) -> Sight:
         last_chance_s=_at(signals, "time_s", last),
         last_chance_pixels=_at(signals, "visible_pixels", last),
         last_chance_contrast=_at(signals, "contrast", last),
-        first_detection_s=_at(signals, "time_s", found),
-        first_detection_m=_at(signals, "conflict_distance_m", found),
+        first_detection_s=_at(signals, "time_s", detected),
+        first_detection_m=_at(signals, "conflict_distance_m", detected),
     )
 
 

@@ -15,9 +15,10 @@ from pipeline.core.truth import Truth
 
 @dataclass(frozen=True, kw_only=True)
 class TimeStep:
-    """One time step: a row of signals.parquet. Positions are in the world frame; the last step is the end, without a frame.
+    """One time step: a row of signals.parquet.
 
-    Every KPI can be recomputed from the steps.
+    Positions are in the world frame; the last step is the end, without a frame. Every KPI can be
+    recomputed from the steps.
     """
 
     time_s: float = column("time since the start", "s")
@@ -62,7 +63,8 @@ class TimeStep:
     )
     visible_pixels: int = column("visible pixels of the pedestrian", "px")
     contrast: float = column(
-        "mean difference in grey levels between the pedestrian's visible pixels and their surroundings"
+        "mean difference in grey levels between the pedestrian's visible pixels and their "
+        "surroundings"
     )
     visible_left: float = column(
         "box around the visible part of the pedestrian; no value if there is none", "px"
@@ -100,19 +102,19 @@ SIGNALS = columns(TimeStep)
 SIDES = ("left", "top", "right", "bottom")
 
 
-def box_signals(truth: Truth) -> dict[str, float]:
+def box_signals(truth: Truth) -> dict[str, Any]:
     """The eight signals of the pedestrian's two boxes."""
-    boxes = {"visible": truth.visible_box, "whole": truth.whole_box}
-    return {
-        f"{kind}_{side}": value
-        for kind, box in boxes.items()
-        for side, value in zip(SIDES, box or (np.nan,) * 4, strict=True)
-    }
+    signals = {}
+    for kind, box in (("visible", truth.visible_box), ("whole", truth.whole_box)):
+        for side, value in zip(SIDES, box or (np.nan,) * 4, strict=True):
+            signals[f"{kind}_{side}"] = value
+    return signals
 
 
 def signals_of(steps: Sequence[TimeStep]) -> dict[str, NDArray[np.generic]]:
     """The steps as (t,) arrays, one per signal."""
-    return {
-        signal.name: np.array([getattr(step, signal.name) for step in steps], dtype=signal.kind)
-        for signal in SIGNALS
-    }
+    rows = [vars(step) for step in steps]
+    columns = {}
+    for signal in SIGNALS:
+        columns[signal.name] = np.array([row[signal.name] for row in rows], dtype=signal.kind)
+    return columns

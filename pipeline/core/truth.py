@@ -12,8 +12,13 @@ from pipeline.core.visibility import visible
 class Truth:
     """Ground truth of the one pedestrian of a frame.
 
-    Boxes are left, top, right, bottom in pixels; None without a visible pixel. `whole` is the part that would be visible without occluders.
-    contrast: mean absolute grey-level difference between the visible pixels and the ring around their box.
+    Attributes:
+        visible_box: left, top, right, bottom of the visible part in pixels; None without one.
+        whole_box: of the part that would be visible without occluders.
+        visible_pixels: number of visible pixels.
+        whole_pixels: number of pixels without occluders.
+        contrast: mean absolute grey-level difference between the visible pixels and the ring around
+            their box.
     """
 
     visible_box: Box | None = None
@@ -24,5 +29,5 @@ class Truth:
 
     @property
     def barely_visible(self) -> bool:
-        """Whether a person could hardly see the pedestrian; see `pipeline.core.visibility.visible`."""
+        """Whether a person could hardly see the pedestrian, see `pipeline.core.visibility`."""
         return not visible(self.visible_pixels, self.contrast)

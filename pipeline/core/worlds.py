@@ -23,14 +23,14 @@ class Worlds:
         """All their towns and people."""
         every = list(worlds)
         return Worlds(
-            frozenset().union(*(one.towns for one in every)),
-            frozenset().union(*(one.people for one in every)),
+            frozenset().union(*(world.towns for world in every)),
+            frozenset().union(*(world.people for world in every)),
         )
 
     def __iter__(self) -> Iterator[tuple[str, str]]:
         """Yield kind, `town` or `people`, and fingerprint of each, in order."""
-        yield from (("town", one) for one in sorted(self.towns))
-        yield from (("people", one) for one in sorted(self.people))
+        yield from (("town", town) for town in sorted(self.towns))
+        yield from (("people", people) for people in sorted(self.people))
 
     def __and__(self, other: Worlds) -> Worlds:
         """What both contain."""

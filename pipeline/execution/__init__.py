@@ -1,0 +1,1 @@
+"""Tests in worker processes: campaigns, fresh tests of rules, changed failures, and the journal."""

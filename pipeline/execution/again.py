@@ -1,4 +1,4 @@
-"""Stored tests judged with another car: from their detections, and driven again where that car would have braked otherwise."""
+"""Stored tests judged with another car, and driven again where it would have braked otherwise."""
 
 from __future__ import annotations
 
@@ -17,14 +17,20 @@ from pipeline.execution.points import Executor
 
 @dataclass(frozen=True)
 class Again:
-    """tests: rows of tests.parquet, judged with another car but driven as they were. others: test_id of those that it drives otherwise."""
+    """tests: rows of tests.parquet, judged with another car but driven as they were.
+
+    others: test_id of those that it drives otherwise.
+    """
 
     tests: pd.DataFrame
     others: tuple[str, ...]
 
 
 def judged_again(folder: Path, car: Car, failure_threshold_s: float) -> Again:
-    """Judge the tests of a campaign's folder with another car; tests that ended in an error stay errors."""
+    """Judge the tests of a campaign's folder with another car.
+
+    Tests that ended in an error stay errors.
+    """
     tests, signals = (
         read_tests(folder / "tests.parquet").set_index("test_id"),
         read_signals(folder / "signals.parquet"),

@@ -1,4 +1,4 @@
-"""Confirms the rules of failure regions by fresh random tests, which no campaign has and no search has seen."""
+"""Confirms the rules of failure regions by fresh random tests, which no search has seen."""
 
 from __future__ import annotations
 
@@ -40,47 +40,51 @@ class FreshTests:
     tests: int
     confidence: float
 
-    def confirm(self, found: Sequence[Found]) -> tuple[FailureRegion, ...]:
-        """The regions with their confirmations. All rules together are confirmed with an error of at most 1 - confidence."""
-        drawn = [points for one in found for points in self._drawn(one)]
-        outcomes = self._outcomes(np.concatenate(drawn)) if drawn else []
-        ends = np.cumsum([len(points) for points in drawn])
-        counts = [
-            counted(outcomes[end - len(points) : end], self.failure_threshold_s)
-            for points, end in zip(drawn, ends, strict=True)
-        ]
+    def confirm(self, regions: Sequence[Found]) -> tuple[FailureRegion, ...]:
+        """The regions with their confirmations.
+
+        All rules together are confirmed with an error of at most 1 - confidence.
+        """
+        drawn = [points for region in regions for points in self._drawn(region)]
+        tests = [self.space.decode(point) for points in drawn for point in points]
+        outcomes = self.executor.outcomes(tests) if drawn else []
+        counts: list[Counted] = []
+        start = 0
+        for points in drawn:
+            end = start + len(points)
+            counts.append(counted(outcomes[start:end], self.failure_threshold_s))
+            start = end
         pairs = list(zip(counts[::2], counts[1::2], strict=True))
         status = confirmed(pairs, 1 - self.confidence)
         return tuple(
-            self._with(one.region, *pair, holds)
-            for one, pair, holds in zip(found, pairs, status, strict=True)
+            self._with(region.region, *pair, holds)
+            for region, pair, holds in zip(regions, pairs, status, strict=True)
         )
 
-    def _drawn(self, found: Found) -> tuple[Floats, Floats]:
-        """Points inside and just outside; none of either if the constraints leave hardly any inside, so that the rule stays unconfirmed."""
-        rng, rule = found.rng("confirm"), found.group.rule
+    def _drawn(self, region: Found) -> tuple[Floats, Floats]:
+        """Points inside and just outside a rule.
+
+        There are none of either if the constraints leave hardly any inside, so that the rule stays
+        unconfirmed.
+        """
+        rng, rule = region.rng("confirm"), region.group.rule
         try:
-            return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(
-                self.space, rule, self.tests, rng
-            )
+            inside = draw_inside(self.space, rule, self.tests, rng)
+            return inside, draw_just_outside(self.space, rule, self.tests, rng)
         except NarrowError:
             return np.zeros((0, len(self.space))), np.zeros((0, len(self.space)))
-
-    def _outcomes(self, points: Floats) -> list[Outcome]:
-        return self.executor.outcomes([self.space.decode(point) for point in points])
 
     def _with(
         self, region: FailureRegion, inside: Counted, outside: Counted, holds: bool
     ) -> FailureRegion:
-        found = Confirmation(
+        confirmation = Confirmation(
             confidence=self.confidence,
             inside=self._fresh(inside),
             outside=self._fresh(outside),
             p_value=more_inside(inside, outside),
         )
-        return region.model_copy(
-            update={"confirmation": found, "status": "confirmed" if holds else "not confirmed"}
-        )
+        status = "confirmed" if holds else "not confirmed"
+        return region.model_copy(update={"confirmation": confirmation, "status": status})
 
     def _fresh(self, counted: Counted) -> Fresh:
         rate = Estimate.of(counted, self.confidence)

@@ -1,10 +1,10 @@
-"""Executes the failures of regions again, each with one change at a time, to see which change repairs them."""
+"""Executes the failures of regions again, with one change at a time, to see which one helps."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import reduce
+from itertools import product
 from typing import Any
 
 import pandas as pd
@@ -75,20 +75,13 @@ class Counterfactuals:
         outcomes: Outcomes,
         signals: Mapping[str, Signals],
     ) -> tuple[Change, ...]:
-        """The changes that change any of a region's chosen failures, and the control, which comes last."""
-        hiding = reduce(
-            frozenset.union,
-            (occluders(self._scenario, signals[one.test_id]) for one in failures),
-            frozenset[str](),
-        )
-        wanted = (*changes(outcomes, found.group.members), *without(self._scenario, sorted(hiding)))
-        moved = [
-            c
-            for c in wanted
-            if c.without
-            or any(one.concrete[k] != v for one in failures for k, v in c.values.items())
-        ]
-        return (*moved, CONTROL)
+        """The changes that change any of the chosen failures, and the control, which comes last."""
+        hiding: set[str] = set()
+        for failure in failures:
+            hiding |= occluders(self._scenario, signals[failure.test_id])
+        candidates = changes(outcomes, found.group.members)
+        moved = [change for change in candidates if _changes_any(change, failures)]
+        return (*moved, *without(self._scenario, sorted(hiding)), CONTROL)
 
     @property
     def _scenario(self) -> FunctionalScenario:
@@ -97,51 +90,55 @@ class Counterfactuals:
     def rows(
         self, plans: Sequence[tuple[Sequence[Failure], Sequence[Change]]], outcomes: Outcomes
     ) -> list[dict[str, Any]]:
-        """The rows of all failures with all changes of their regions; changes that break a constraint are left out."""
-        wanted = [
-            _Changed(one, change, changed)
-            for failures, made in plans
-            for change in made
-            for one in failures
-            if (changed := change.of(one.concrete, outcomes.space)) is not None
-        ]
-        worlds = dict.fromkeys(one.change.without for one in wanted)
-        return [
-            row
-            for actors in worlds
-            for row in self._executed([w for w in wanted if w.change.without == actors])
-        ]
+        """The rows of all failures with all changes of their regions.
 
-    def _executed(self, wanted: Sequence[_Changed]) -> list[dict[str, Any]]:
+        Changes that break a constraint are left out.
+        """
+        # Tests without the same actors share a world.
+        of_world: dict[tuple[str, ...], list[_Changed]] = {}
+        for failures, planned in plans:
+            for change, failure in product(planned, failures):
+                changed = change.of(failure.concrete, outcomes.space)
+                if changed is not None:
+                    tests = of_world.setdefault(change.without, [])
+                    tests.append(_Changed(failure, change, changed))
+        return [row for tests in of_world.values() for row in self._executed(tests)]
+
+    def _executed(self, tests: Sequence[_Changed]) -> list[dict[str, Any]]:
         """The rows of changes that remove the same actors."""
-        actors = wanted[0].change.without
+        actors = tests[0].change.without
         kept = {name: actor for name, actor in self._scenario.actors.items() if name not in actors}
-        setup = replace(
-            self.executor.setup, scenario=self._scenario.model_copy(update={"actors": kept})
-        )
-        noises = [one.noise for one in wanted]
+        scenario = self._scenario.model_copy(update={"actors": kept})
         executor = replace(
             self.executor,
-            setup=setup,
+            setup=replace(self.executor.setup, scenario=scenario),
             journal=self.executor.journal / "-".join(["without", *actors]),
         )
-        outcomes = executor.outcomes([one.concrete for one in wanted], noises)
-        return [self._row(one, outcome) for one, outcome in zip(wanted, outcomes, strict=True)]
+        points, noises = [test.concrete for test in tests], [test.noise for test in tests]
+        outcomes = executor.outcomes(points, noises)
+        return [self._row(test, outcome) for test, outcome in zip(tests, outcomes, strict=True)]
 
-    def _row(self, one: _Changed, outcome: Outcome) -> dict[str, Any]:
-        row = {
-            "region": one.failure.region,
-            "test_id": one.failure.test_id,
-            "change": one.change.text,
-        }
+    def _row(self, test: _Changed, outcome: Outcome) -> dict[str, Any]:
         kpi = outcome.kpi(self.failure_threshold_s)
-        judged = {
+        return {
+            "region": test.failure.region,
+            "test_id": test.failure.test_id,
+            "change": test.change.text,
             "status": outcome.status,
             "reason": outcome.reason,
             "failure": kpi.failure,
             "adj_ttc_s": kpi.adj_ttc_s,
+            **asdict(Sight() if outcome.is_error else sight(outcome.signals)),
         }
-        return {**row, **judged, **asdict(Sight() if outcome.is_error else sight(outcome.signals))}
+
+
+def _changes_any(change: Change, failures: Sequence[Failure]) -> bool:
+    """Whether a change of values changes any of the failures."""
+    return any(
+        failure.concrete[name] != value
+        for failure in failures
+        for name, value in change.values.items()
+    )
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

@@ -1,73 +1,84 @@
-"""Foreign simulators and detectors, whose exceptions end one test, not the campaign."""
+"""Foreign worlds and detectors, whose exceptions end one test, not the campaign."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pipeline.core.car import Car
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
+from pipeline.core.loop import run_test
 from pipeline.core.space import Value
 from pipeline.errors import InputError, SimulationError, machine_error
 from pipeline.execution.worker import Calls
-from pipeline.protocols import Detector, Simulator
+from pipeline.protocols import Detector, World
+
+LONGEST = 300
+"""Characters of a foreign message that are kept."""
 
 
 class GuardedDetector:
-    """A detector that turns exceptions of foreign code into errors, and shows from outside when it is at work.
+    """A detector whose exceptions become errors of a test.
 
-    calls: raised by one before and after each frame.
+    calls: counter shared with the parent, incremented before and after each frame; odd means busy.
     """
 
     def __init__(self, detector: Detector, calls: Calls) -> None:
         self._detector, self._calls = detector, calls
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the detector's result; SimulationError for any exception but InputError and the machine's, which end the campaign."""
+        """Return the detector's result.
+
+        Raises:
+            SimulationError: for any exception but InputError and the machine's, which end the
+                campaign.
+        """
         self._calls.value += 1
+        name = f"{type(self._detector).__name__}.detect"
         try:
-            found = self._detector.detect(frame)
+            detections = self._detector.detect(frame)
         except (InputError, SimulationError):
             raise
         except BaseException as error:  # SystemExit, too, is foreign code's.
-            raise failed(self._detector, "detect", error) from error
+            raise failed(name, error) from error
         finally:
             self._calls.value += 1
-        if not isinstance(found, Detections):
-            raise SimulationError(
-                f"{type(self._detector).__name__}.detect must return Detections, got {type(found).__name__}"
-            )
-        return found
+        if not isinstance(detections, Detections):
+            raise SimulationError(f"{name} must return Detections, got {type(detections).__name__}")
+        return detections
 
 
-class GuardedSimulator:
-    """A simulator that turns exceptions of foreign code into errors."""
+class GuardedTests:
+    """Executes the tests of one world, detector and car. keep_every: see `run_test`."""
 
-    def __init__(self, simulator: Simulator) -> None:
-        self._simulator = simulator
+    def __init__(self, world: World, detector: Detector, car: Car, keep_every: int = 0) -> None:
+        self._world, self._detector, self._car, self._keep_every = world, detector, car, keep_every
 
-    def execute(
-        self,
-        concrete: Mapping[str, Value],
-        detector: Detector,
-        keep_every: int = 0,
-        noise: Mapping[str, Value] | None = None,
+    def run(
+        self, concrete: Mapping[str, Value], noise: Mapping[str, Value] | None = None
     ) -> Episode:
-        """Return the episode; SimulationError for any exception but InputError and the machine's, which end the campaign."""
+        """Return the episode of a concrete scenario; see `run_test`.
+
+        Raises:
+            SimulationError: for any exception but InputError and the machine's, which end the
+                campaign.
+        """
         try:
-            return self._simulator.execute(
-                concrete, detector, keep_every, **({} if noise is None else {"noise": noise})
+            return run_test(
+                self._world,
+                self._detector,
+                self._car,
+                concrete,
+                keep_every=self._keep_every,
+                noise=noise,
             )
         except (InputError, SimulationError):
             raise
         except BaseException as error:
-            raise failed(self._simulator, "execute", error) from error
+            raise failed(type(self._world).__name__, error) from error
 
 
-LONGEST = 300
-"""Characters of a foreign message that are kept."""
-
-
-def failed(foreign: object, call: str, error: BaseException) -> Exception:
+def failed(foreign: str, error: BaseException) -> Exception:
     """The error of a test for an exception in foreign code, or the machine's."""
-    text = f"{type(foreign).__name__}.{call} failed: {type(error).__name__}: {error}"
+    text = f"{foreign} failed: {type(error).__name__}: {error}"
     return machine_error(error) or SimulationError(text[:LONGEST])

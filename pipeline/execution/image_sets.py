@@ -25,12 +25,16 @@ from pipeline.execution.pool import in_order
 from pipeline.progress import OnProgress
 
 SHARD_IMAGES = 100
-"""Images per town and population: few, so that a data set shows many of both and a kill loses little."""
+"""Images per town and population: few, so that a data set shows many of both and a kill loses
+little."""
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """How the scenes of a data set are drawn. camera: section of the simulator. unseen: as in `scenes`."""
+    """How the scenes of a data set are drawn.
+
+    camera: section of the simulator. unseen: as in `scenes`.
+    """
 
     section: BaseSet
     camera: Mapping[str, Any]
@@ -40,10 +44,12 @@ class Drawing:
 def render_images(
     drawing: Drawing, scratch: Path, out: Path, threads: int, progress: OnProgress
 ) -> None:
-    """Render `section.images` random scenes into a YOLO and COCO data set; a killed run resumes from the shards in `scratch`, which the
-    caller removes.
+    """Render `section.images` random scenes into a YOLO and COCO data set.
 
-    The last `validation_share` of each town's images are validation images. The images depend on `drawing` alone, not on the threads.
+    A killed run resumes from the shards in `scratch`, which the caller removes.
+
+    The last `validation_share` of each town's images are validation images. The images depend on
+    `drawing` alone, not on the threads.
     """
     images, program = drawing.section.images, program_sha256()
     shards = [
@@ -61,7 +67,7 @@ def render_images(
 
 
 def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
-    """Render one town's images, unless they are there and its shard file records the same settings and the same code."""
+    """Render one town's images, unless its shard file records the same settings and code."""
     from pipeline.simulators.mujoco.lens import CameraSettings
     from pipeline.simulators.mujoco.random_scenes import (
         scenes,
@@ -90,17 +96,21 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
             Record(split, index, settings.width, settings.height, scene.truth, scene.attributes)
         )
     flush_all()
-    found = {
+    shard_file = {
         "key": key,
         "sha256": images_sha256(out, records),
         "records": [_plain(record) for record in records],
     }
-    write_sealed(path, json.dumps(found).encode())
+    write_sealed(path, json.dumps(shard_file).encode())
     return records
 
 
 def _finished(path: Path, key: Mapping[str, Any], out: Path) -> list[Record] | None:
-    """The records in a shard's file; None if it is missing, damaged or of another key, or if its images are not those that it describes."""
+    """The records in a shard's file.
+
+    None if it is missing, damaged or of another key, or if its images are not those that it
+    describes.
+    """
     try:
         done = json.loads(read_sealed(path))
         if done["key"] != key:

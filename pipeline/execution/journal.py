@@ -1,4 +1,7 @@
-"""The journal of a campaign: each finished test is its own sealed file, so a kill or a damaged file loses only single tests."""
+"""The journal of a campaign: each finished test is its own sealed file.
+
+So a kill or a damaged file loses only single tests.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,8 @@ SIGNAL, DETECTION = "signal_", "detection_"
 class Outcome:
     """The outcome of one test execution.
 
-    signals: none for an error, which has a reason instead. detections, frames: columns and rows of their tables, without test_id.
+    signals: none for an error, which has a reason instead. detections, frames: columns and rows of
+    their tables, without test_id.
     """
 
     signals: Signals
@@ -51,7 +55,10 @@ class Outcome:
 
     @staticmethod
     def error(reason: str, simulate_s: float = 0.0) -> Outcome:
-        """The outcome of an error. A reason with half a character, as in the name of a file that is not UTF-8, is escaped."""
+        """The outcome of an error.
+
+        A reason with half a character, as in the name of a file that is not UTF-8, is escaped.
+        """
         return Outcome(
             {},
             detection_columns(()),
@@ -78,7 +85,9 @@ class Journal:
     """Outcomes by test index in a folder, bound to the identity of one campaign."""
 
     def __init__(self, folder: Path, identity: str, progress: Progress) -> None:
-        """Open the folder; outcomes of another campaign are removed, and so are damaged ones, each with a note.
+        """Open the folder.
+
+        Outcomes of another campaign are removed, and so are damaged ones, each with a note.
 
         Raises InputError with the command to type if it cannot be told whose outcomes they are.
         """
@@ -105,7 +114,8 @@ class Journal:
     def holds(self, index: int, concrete: Mapping[str, Value]) -> bool:
         """Whether the outcome of this concrete scenario is here.
 
-        One of another scenario is removed with a note: a strategy of the user's own may have changed, or a library that it uses.
+        One of another scenario is removed with a note: a strategy of the user's own may have
+        changed, or a library that it uses.
         """
         if index not in self:
             return False
@@ -120,14 +130,7 @@ class Journal:
         """The outcome of a finished test."""
         with np.load(io.BytesIO(read_sealed(self.path(index))), allow_pickle=False) as stored:
             about = _about(stored)
-            signals, detections = (
-                {
-                    name.removeprefix(kind): stored[name]
-                    for name in stored.files
-                    if name.startswith(kind)
-                }
-                for kind in (SIGNAL, DETECTION)
-            )
+            signals, detections = (_columns(stored, kind) for kind in (SIGNAL, DETECTION))
             frames = tuple(
                 row | {"image": stored[f"image_{i}"].tobytes()}
                 for i, row in enumerate(about["frames"])
@@ -154,15 +157,20 @@ def _identity(mark: Path) -> str:
         ) from error
 
 
+def _columns(stored: Mapping[str, NDArray[Any]], kind: str) -> dict[str, NDArray[Any]]:
+    """The arrays whose names begin with a kind, by the rest of their names."""
+    return {name.removeprefix(kind): stored[name] for name in stored if name.startswith(kind)}
+
+
 def _about(stored: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     return dict(json.loads(str(stored["about"])))
 
 
 def write(path: Path, outcome: Outcome, concrete: Mapping[str, Value]) -> None:
     """Write the outcome of a concrete scenario atomically."""
-    rows = [
-        {name: value for name, value in row.items() if name != "image"} for row in outcome.frames
-    ]
+    rows = [dict(row) for row in outcome.frames]
+    for row in rows:
+        del row["image"]
     about = json.dumps(
         {
             "concrete": dict(concrete),

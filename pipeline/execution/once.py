@@ -1,4 +1,7 @@
-"""One test in a process of its own, with the limits of a test: foreign code may raise anything, hang or end its process."""
+"""One test in a process of its own, with the limits of a test.
+
+Foreign code may raise anything, hang or end its process.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +19,18 @@ from pipeline.execution.workers import Setup, guarded
 def episode(setup: Setup, concrete: Mapping[str, Value]) -> Episode:
     """The episode of a concrete scenario; InputError if it fails or is over a limit."""
     with Pool(1, partial(_execution, setup), setup.limits) as pool:
-        _, said = next(pool.run([concrete]))
-    if isinstance(said, Broken):
-        raise InputError(f"the scenario cannot be executed: {said.reason}")
-    return said
+        _, result = next(pool.run([concrete]))
+    if isinstance(result, Broken):
+        raise InputError(f"the scenario cannot be executed: {result.reason}")
+    return result
 
 
 def _execution(setup: Setup, calls: Calls) -> Callable[[Mapping[str, Value]], Episode]:
-    simulator, detector = guarded(setup, calls)
+    tests = guarded(setup, calls)
 
     def execute(concrete: Mapping[str, Value]) -> Episode:
         try:
-            return simulator.execute(concrete, detector, setup.keep_every)
+            return tests.run(concrete)
         except SimulationError as error:
             raise InputError(f"the scenario cannot be executed: {error}") from error
 

@@ -19,7 +19,10 @@ Concrete = Mapping[str, Value]
 
 @dataclass(frozen=True)
 class Executor:
-    """What executes concrete scenarios. journal: folder from which a killed call resumes; the caller removes it."""
+    """What executes concrete scenarios.
+
+    journal: folder from which a killed call resumes; the caller removes it.
+    """
 
     setup: Setup
     journal: Path
@@ -29,8 +32,13 @@ class Executor:
     def outcomes(
         self, points: Sequence[Concrete], noises: Sequence[Concrete] = ()
     ) -> list[Outcome]:
-        """The outcome of each concrete scenario. noises: the concrete scenarios whose noise they have, their own by default."""
-        log = Journal(self.journal, _identity(self.setup, points, noises), self.progress)
+        """The outcome of each concrete scenario.
+
+        noises: the concrete scenarios whose noise they have, their own by default.
+        """
+        identity = json.dumps([self.setup.identity, points, noises], sort_keys=True)
+        digest = hashlib.sha256(identity.encode()).hexdigest()
+        log = Journal(self.journal, digest, self.progress)
         given: Sequence[Concrete | None] = noises or [None] * len(points)
         jobs = [
             Execution(i, log.path(i), point, noise)
@@ -41,9 +49,3 @@ class Executor:
             for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):
                 self.progress(done, len(points))
         return [log.read(i) for i in range(len(points))]
-
-
-def _identity(setup: Setup, points: Sequence[Concrete], noises: Sequence[Concrete]) -> str:
-    return hashlib.sha256(
-        json.dumps([setup.identity, points, noises], sort_keys=True).encode()
-    ).hexdigest()

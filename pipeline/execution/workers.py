@@ -1,4 +1,7 @@
-"""Executes concrete scenarios in spawned worker processes; the results do not depend on the number of workers."""
+"""Executes concrete scenarios in spawned worker processes.
+
+The results do not depend on the number of workers.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from typing import Any
 from pipeline.artefacts.calibration_results import DetectorCalibration, read_calibration
 from pipeline.artefacts.files import program_sha256, sha256
 from pipeline.artefacts.folders import Folders
-from pipeline.config.components import make_detector, make_simulator
+from pipeline.config.components import make_detector, make_world
 from pipeline.config.schema import Config
 from pipeline.config.sections import Limits
 from pipeline.core.car import Car
@@ -22,7 +25,7 @@ from pipeline.core.space import Value
 from pipeline.detectors.calibrated import as_tested
 from pipeline.errors import SimulationError
 from pipeline.execution import journal
-from pipeline.execution.guarded import GuardedDetector, GuardedSimulator
+from pipeline.execution.guarded import GuardedDetector, GuardedTests
 from pipeline.execution.journal import Outcome
 from pipeline.execution.pool import Pool
 from pipeline.execution.worker import Broken, Calls
@@ -31,7 +34,14 @@ from pipeline.scenarios.functional import FunctionalScenario
 
 @dataclass(frozen=True)
 class Execution:
-    """One test to execute: its index, the path of its outcome, the concrete scenario, and the one whose noise it has, None for its own."""
+    """One test to execute.
+
+    Attributes:
+        index: of the test.
+        path: of its outcome.
+        concrete: a value for each variable.
+        noise: scenario that seeds the random noise; None means `concrete`.
+    """
 
     index: int
     path: Path
@@ -43,7 +53,8 @@ class Execution:
 class Setup:
     """What every process executes tests with.
 
-    simulator, detector: sections of the config. model: the detector's file. limits: of a test. keep_every: see `Simulator.execute`.
+    simulator, detector: sections of the config. model: the detector's file. limits: of a test.
+    keep_every: see `pipeline.core.loop.run_test`.
     """
 
     simulator: Mapping[str, Any]
@@ -63,7 +74,10 @@ class Setup:
         *,
         keep_every: int = 0,
     ) -> Setup:
-        """The setup of a study's scenario, by name. calibration: of the model, if the study calibrates it."""
+        """The setup of a study's scenario, by name.
+
+        calibration: of the model, if the study calibrates it.
+        """
         detector = as_tested(config.detector, calibration)
         return Setup(
             config.simulator,
@@ -89,7 +103,7 @@ class Setup:
 
     @property
     def identity(self) -> str:
-        """Digest of everything that the outcome of a test depends on, beside its concrete scenario."""
+        """Digest of everything that an outcome depends on, beside the concrete scenario."""
         settings = [
             self.simulator,
             self.scenario.model_dump(),
@@ -104,7 +118,7 @@ class Setup:
 
 
 class Workers:
-    """A pool of processes, each with its own simulator and detector."""
+    """A pool of processes, each with its own world and detector."""
 
     def __init__(self, count: int, setup: Setup) -> None:
         self._pool: Pool[Execution, None] = Pool(count, partial(_executor, setup), setup.limits)
@@ -112,7 +126,8 @@ class Workers:
     def execute(self, jobs: Sequence[Execution]) -> Iterator[int]:
         """Execute the jobs, in any order; yields the index of each when its outcome is written.
 
-        A test whose process breaks is an error; see `Pool.run` for those that are executed again first.
+        A test whose process breaks is an error; see `Pool.run` for those that are executed again
+        first.
         """
         for number, result in self._pool.run(jobs):
             job = jobs[number]
@@ -126,22 +141,21 @@ class Workers:
         self._pool.close()
 
 
-def guarded(setup: Setup, calls: Calls) -> tuple[GuardedSimulator, GuardedDetector]:
-    """The simulator and the detector of one process."""
-    simulator = GuardedSimulator(make_simulator(setup.simulator, setup.scenario, setup.car))
-    return simulator, GuardedDetector(make_detector(setup.detector, setup.model), calls)
+def guarded(setup: Setup, calls: Calls) -> GuardedTests:
+    """What executes the tests of one process: a world and a detector of its own."""
+    world = make_world(setup.simulator, setup.scenario, setup.car.vehicle)
+    detector = GuardedDetector(make_detector(setup.detector, setup.model), calls)
+    return GuardedTests(world, detector, setup.car, setup.keep_every)
 
 
 def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
-    simulator, detector = guarded(setup, calls)
+    tests = guarded(setup, calls)
 
     def execute(job: Execution) -> None:
         started = time.perf_counter()
         try:
-            outcome = Outcome.of(
-                simulator.execute(job.concrete, detector, setup.keep_every, job.noise),
-                time.perf_counter() - started,
-            )
+            episode = tests.run(job.concrete, job.noise)
+            outcome = Outcome.of(episode, time.perf_counter() - started)
         except SimulationError as error:
             outcome = Outcome.error(str(error), time.perf_counter() - started)
         journal.write(job.path, outcome, job.concrete)

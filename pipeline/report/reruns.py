@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pipeline.config.components import make_simulator
+from pipeline.config.components import make_world
 from pipeline.config.schema import Config
 from pipeline.core.episode import Episode
+from pipeline.core.loop import run_test
 from pipeline.errors import InputError, SimulationError, machine_error
 from pipeline.progress import OnProgress
-from pipeline.protocols import Detector, Simulator
+from pipeline.protocols import Detector, World
 from pipeline.report.examples import Chosen
 
 
 class Reruns:
-    """Simulates tests again and keeps all their frames; one simulator a scenario, one detector a version.
+    """Simulates tests again and keeps all their frames; one world a scenario, one detector a version.
 
     detector_of: makes a version's detector. total: number of tests to come, for `progress`.
     """
@@ -32,22 +33,25 @@ class Reruns:
             total,
             progress,
         )
-        self._simulators: dict[str, Simulator] = {}
+        self._worlds: dict[str, World] = {}
         self._detectors: dict[str, Detector] = {}
         self._done = 0
 
     def execute(self, test: Chosen) -> Episode:
         """The episode of a test; InputError if it cannot be executed again."""
-        if test.scenario not in self._simulators:
-            scenario = self._config.scenarios[test.scenario]
-            self._simulators[test.scenario] = make_simulator(
-                self._config.simulator, scenario, self._config.car
-            )
+        config = self._config
+        if test.scenario not in self._worlds:
+            scenario = config.scenarios[test.scenario]
+            self._worlds[test.scenario] = make_world(config.simulator, scenario, config.car.vehicle)
         if test.version not in self._detectors:
             self._detectors[test.version] = self._detector_of(test.version)
         try:
-            episode = self._simulators[test.scenario].execute(
-                test.concrete, self._detectors[test.version], keep_every=1
+            episode = run_test(
+                self._worlds[test.scenario],
+                self._detectors[test.version],
+                config.car,
+                test.concrete,
+                keep_every=1,
             )
         except SimulationError as error:
             raise InputError(

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.core.columns import columns
+from pipeline.core.encounter import Encounter
 from pipeline.core.footprints import Rectangle
 from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import KPIS
@@ -189,6 +190,19 @@ class FunctionalScenario(Part):
         heading = float(np.radians(self.pedestrian.heading_deg))
         x, y = self.pedestrian.at
         return Pose(float(x + along * np.cos(heading)), float(y + along * np.sin(heading)), heading)
+
+    def encounter(self, rain: float = 0.0) -> Encounter:
+        """How the ego and the pedestrian meet. rain: 0 to 100 %, which wets the road."""
+        return Encounter(
+            path=self.ego.route(),
+            conflict_m=self.conflict_s(),
+            heading=float(np.radians(self.pedestrian.heading_deg)),
+            crosses=self.asks_to_brake,
+            half_length_m=EGO_HALF_LENGTH_M,
+            half_width_m=EGO_HALF_WIDTH_M,
+            rain=rain,
+            time_limit_s=TIME_LIMIT_S,
+        )
 
     @field_validator("space")
     @classmethod

@@ -1,0 +1,1 @@
+"""Worlds: `analytic` is a formula, `mujoco` renders. Each implements `pipeline.protocols.World`."""

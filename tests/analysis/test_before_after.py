@@ -9,11 +9,12 @@ import numpy as np
 from pipeline.config.composing import compose
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
+from pipeline.core.loop import run_test
 from pipeline.core.space import Value
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.protocols import Detector
 from pipeline.report.before_after import before_after, moment
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 from pipeline.testing import CAR
 
 CONFIG = compose("default", [])
@@ -34,7 +35,7 @@ class Blind:
 
 
 def episode(detector: Detector, concrete: Mapping[str, Value] = CLEAR) -> Episode:
-    return AnalyticSimulator(CONFIG.scenarios["F1"], CAR).execute(concrete, detector, keep_every=1)
+    return run_test(AnalyticWorld(), detector, CAR, concrete, keep_every=1)
 
 
 def test_the_moment_is_one_image_that_only_the_later_version_detects() -> None:

@@ -15,12 +15,12 @@ from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.sections import Regions
 from pipeline.core import kpi
+from pipeline.core.loop import run_test
 from pipeline.core.space import Space, Variable
 from pipeline.detectors.scripted import BlindDetector
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 from pipeline.testing import CAR
 from tests.analysis.fabricated import FabricatedStudy, make_tests
-from tests.scenarios import scenario_with
 from tests.spaces import SMALL, THESIS
 
 SPACE = Space(
@@ -95,11 +95,11 @@ def everywhere(tests: pd.DataFrame) -> FailureRegions:
 
 
 def test_every_test_fails_is_one_region_that_says_so() -> None:
-    simulator, space = AnalyticSimulator(scenario_with(THESIS), CAR), THESIS
+    world, space = AnalyticWorld(), THESIS
     points = space.sample(60, np.random.default_rng(0))
     # At 10 s, every test with a detector that sees nothing is a failure.
     outcomes = [
-        kpi.evaluate(simulator.execute(space.decode(point), BlindDetector()).signals, 10.0)
+        kpi.evaluate(run_test(world, BlindDetector(), CAR, space.decode(point)).signals, 10.0)
         for point in points
     ]
     tests = make_tests(space, KEYS, points).assign(

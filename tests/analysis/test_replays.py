@@ -13,6 +13,7 @@ from PIL import Image, ImageSequence
 from pipeline.config.composing import compose
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode
+from pipeline.core.loop import run_test
 from pipeline.core.matching import Matching
 from pipeline.core.space import Space, Value
 from pipeline.detectors.scripted import VisiblePixelOracle
@@ -23,7 +24,7 @@ from pipeline.report.replays import (
     most_telling_frame,
     render_replay,
 )
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 from pipeline.testing import CAR
 
 
@@ -34,13 +35,12 @@ def space() -> Space:
 
 @pytest.fixture(scope="module")
 def episode(space: Space) -> Episode:
-    simulator = AnalyticSimulator(compose("default", []).scenarios["F1"], CAR)
     concrete = {
         **space.decode(space.sample(1, np.random.default_rng(0))[0]),
         "fog": 90.0,
         "sun_altitude": -15.0,
     }
-    return simulator.execute(concrete, VisiblePixelOracle(), keep_every=1)
+    return run_test(AnalyticWorld(), VisiblePixelOracle(), CAR, concrete, keep_every=1)
 
 
 CONCRETE: dict[str, Value] = {"fog": 90.0, "animation": "walking"}

@@ -25,6 +25,7 @@ from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import compose
+from pipeline.core.loop import run_test
 from pipeline.core.measures import pair_coverage
 from pipeline.core.space import Space, Variable
 from pipeline.detectors.scripted import VisiblePixelOracle
@@ -41,7 +42,7 @@ from pipeline.report.replays import draw_view
 from pipeline.report.search_plots import kpi_scatter
 from pipeline.report.style import MODE_NAMES, panels, save_png, styled, svg
 from pipeline.report.verdict_section import headline, rounds_part, verdict_section
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 from pipeline.testing import CAR
 from tests.analysis.fabricated import FabricatedStudy
 
@@ -317,9 +318,7 @@ def test_first_screen_falls_back_to_stills_and_to_words(study: FabricatedStudy) 
 def test_a_film_of_the_first_screen_has_a_line_above_each_view(study: FabricatedStudy) -> None:
     space = study.config.space("F1")
     concrete = space.decode(space.sample(1, np.random.default_rng(0))[0])
-    episode = AnalyticSimulator(study.config.scenarios["F1"], CAR).execute(
-        concrete, VisiblePixelOracle(), keep_every=1
-    )
+    episode = run_test(AnalyticWorld(), VisiblePixelOracle(), CAR, concrete, keep_every=1)
     images = draw_drive(episode)
     assert (
         len(images) == len(episode.frames)

@@ -1,4 +1,4 @@
-"""The camera's geometry and ground truth are right (thesis section 8.2), and each effect can be switched off."""
+"""The camera's geometry and ground truth are right, and each effect can be switched off."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.config.composing import functional_scenario
 from pipeline.core.paths import Pose
 from pipeline.scenarios.people import population
 from pipeline.scenarios.streets import Town
-from pipeline.simulators.mujoco import gait, pedestrian, textures, world
+from pipeline.simulators.mujoco import gait, model, pedestrian, textures
 from pipeline.simulators.mujoco.backscatter import Backscatter
 from pipeline.simulators.mujoco.camera import Camera, _contrast
 from pipeline.simulators.mujoco.culling import HIDDEN_GROUP, Culling
@@ -39,27 +39,26 @@ SQUARES, SQUARE_M, BOARD_X, BOARD_Y, BOARD_Z = (9, 7), 0.5, 9.0, -1.0, 2.0
 @pytest.mark.parametrize("distortion", [0.0, -0.15])
 def test_a_checkerboard_is_seen_where_the_pinhole_model_says(distortion: float) -> None:
     settings = CameraSettings(width=640, height=384, distortion=distortion, **PLAIN)
-    spec = world.describe(TOWN, {}, settings.vfov_deg, settings.width, settings.height)
+    spec = model.describe(TOWN, {}, settings.vfov_deg, settings.width, settings.height)
     _add_board(spec)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    camera = Camera(model, data, lamp_positions(TOWN), settings)
+    compiled = spec.compile()
+    data = mujoco.MjData(compiled)
+    camera = Camera(compiled, data, lamp_positions(TOWN), settings)
     camera.set_weather(Weather(sun_azimuth=180, sun_altitude=40))
     image, _ = camera.shoot(np.random.default_rng(0))
     camera.close()
     inner = (SQUARES[0] - 1, SQUARES[1] - 1)
-    found, corners = cv2.findChessboardCornersSB(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), inner)
-    assert found
-    seen = (
-        np.asarray(corners).reshape(-1, 2) + 0.5
-    )  # OpenCV puts (0, 0) at the middle of the first pixel, we at its corner.
+    is_shown, corners = cv2.findChessboardCornersSB(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), inner)
+    assert is_shown
+    # OpenCV puts (0, 0) at the middle of the first pixel, we at its corner.
+    seen = np.asarray(corners).reshape(-1, 2) + 0.5
     offset = (
         (np.arange(inner[0]) - (inner[0] - 1) / 2) * SQUARE_M,
         (np.arange(inner[1]) - (inner[1] - 1) / 2) * SQUARE_M,
     )
     left, up = np.meshgrid(BOARD_Y + offset[0], BOARD_Z + offset[1])
-    depth = BOARD_X - world.CAMERA_X_M
-    x, y = -left.ravel() / depth, -(up.ravel() - world.CAMERA_Z_M) / depth
+    depth = BOARD_X - model.CAMERA_X_M
+    x, y = -left.ravel() / depth, -(up.ravel() - model.CAMERA_Z_M) / depth
     bent = 1 + distortion * (x**2 + y**2)
     focal = settings.width / 2 / np.tan(np.radians(settings.hfov_deg / 2))
     expected = np.stack(
@@ -123,7 +122,7 @@ def test_two_stages_in_turn_give_the_same_images_as_alone() -> None:
     again = shots(first)
     for stage in (first, second):
         stage.close()
-    assert all((one == other).all() for one, other in zip(alone, again, strict=True))
+    assert all((image == other).all() for image, other in zip(alone, again, strict=True))
 
 
 def _add_board(spec: mujoco.MjSpec) -> None:
@@ -216,15 +215,15 @@ def test_leaving_out_what_is_not_in_view_changes_no_pixel(
 ) -> None:
     def images() -> list[bytes]:
         scenario = functional_scenario("F5")
-        own, route = Stage(scenario.town, scenario.actors, CameraSettings()), scenario.ego.route()
-        own.reset(weather, "W 07")
-        own.place_pedestrian(Pose(0, 0, 0), gait.pose("walking", 1.0, 1.4, own.walker))
+        stage, route = Stage(scenario.town, scenario.actors, CameraSettings()), scenario.ego.route()
+        stage.reset(weather, "W 07")
+        stage.place_pedestrian(Pose(0, 0, 0), gait.pose("walking", 1.0, 1.4, stage.walker))
         taken = []
         for metres in range(20, 100, 10):
-            own.put("ego", route.at(metres))
-            taken.append(own.shoot(np.random.default_rng(0))[0].tobytes())
-            hidden.append(int((own.model.geom_group == HIDDEN_GROUP).sum()))
-        own.close()
+            stage.put("ego", route.at(metres))
+            taken.append(stage.shoot(np.random.default_rng(0))[0].tobytes())
+            hidden.append(int((stage.model.geom_group == HIDDEN_GROUP).sum()))
+        stage.close()
         return taken
 
     hidden: list[int] = []
@@ -286,14 +285,14 @@ def test_daylight_follows_the_illuminance() -> None:
 
 def test_the_veil_is_the_integral_along_the_ray() -> None:
     weather, focal = Weather(fog=60, sun_altitude=-20), 277.0
-    lens = Backscatter(320, 192, focal, world.CAMERA_Z_M)
+    lens = Backscatter(320, 192, focal, model.CAMERA_Z_M)
     black = np.zeros((192, 320, 3), np.uint8)
     veil, near = (
         lens.add(black, np.full((192, 320), metres, np.float32), weather)[96, 160, 0]
         for metres in (200, 10)
     )
     s = (np.arange(200_000) + 0.5) / 2000  # Metres ahead of the camera, along the optical axis.
-    ahead, aside, below = s + world.CAMERA_X_M - 2.3, 0.65, world.CAMERA_Z_M - 0.7
+    ahead, aside, below = s + model.CAMERA_X_M - 2.3, 0.65, model.CAMERA_Z_M - 0.7
     away = np.sqrt(ahead**2 + aside**2 + below**2)
     cosine = (ahead + 0.035 * below) / away / np.hypot(1, 0.035)
     light = (
@@ -328,14 +327,14 @@ def test_fog_scatters_the_headlights_at_night_alone(plain_stage: Stage) -> None:
 def test_grain_is_new_in_each_frame_and_known_from_the_seed(
     altitude: float, deviation: float
 ) -> None:
-    own, plain = (
+    stage, plain = (
         Stage(TOWN, {}, CameraSettings(**{**PLAIN, "noise": noise})) for noise in (True, False)
     )
     weather = Weather(sun_altitude=altitude)
     clean = shot(plain, weather)[0].astype(int)
-    shot(own, weather)
-    frames = [own.shoot(np.random.default_rng(seed))[0].astype(int) for seed in (1, 2, 1)]
-    own.close()
+    shot(stage, weather)
+    frames = [stage.shoot(np.random.default_rng(seed))[0].astype(int) for seed in (1, 2, 1)]
+    stage.close()
     plain.close()
     assert (frames[0] == frames[2]).all() and (frames[0] != frames[1]).any()
     middle = (clean > 8) & (clean < 247)
@@ -359,9 +358,9 @@ def test_grain_is_new_in_each_frame_and_known_from_the_seed(
 def test_a_larger_image_shows_the_same_weather(weather: Weather) -> None:
     images = []
     for width, height in ((320, 192), (640, 384)):
-        own = Stage(TOWN, {}, CameraSettings(width=width, height=height, noise=False))
-        image = shot(own, weather, x=9.0)[0]
-        own.close()
+        stage = Stage(TOWN, {}, CameraSettings(width=width, height=height, noise=False))
+        image = shot(stage, weather, x=9.0)[0]
+        stage.close()
         images.append(cv2.resize(image, (320, 192), interpolation=cv2.INTER_AREA).astype(int))
     smooth = [cv2.blur(image.astype(np.float32), (5, 5)) for image in images]
     assert abs(smooth[0] - smooth[1]).mean() < 2
@@ -389,9 +388,9 @@ def test_each_camera_effect_changes_the_image_and_can_be_switched_off(effect: st
     value: Any = {"distortion": 0.1, "jpeg_quality": 60}.get(effect, True)
     weather, images = Weather(rain=70, sun_altitude=-10), []
     for settings in (plain, CameraSettings(**{**PLAIN, effect: value})):
-        own = Stage(TOWN, {}, settings)
-        images.append(shot(own, weather)[0].astype(int))
-        own.close()
+        stage = Stage(TOWN, {}, settings)
+        images.append(shot(stage, weather)[0].astype(int))
+        stage.close()
     assert (images[0] != images[1]).any()
 
 

@@ -29,9 +29,16 @@ def save(folder: Path, person: str = "person", broken: bool = False, half: bool 
     torch.manual_seed(0)
     names = {0: "car", 1: person, 2: "tree"}
     config = YolosConfig(
-        hidden_size=32, num_hidden_layers=1, num_attention_heads=2, intermediate_size=32, image_size=[192, 320], patch_size=32,
-        num_detection_tokens=8, id2label=names, label2id={name: number for number, name in names.items()},
-    )  # fmt: skip
+        hidden_size=32,
+        num_hidden_layers=1,
+        num_attention_heads=2,
+        intermediate_size=32,
+        image_size=[192, 320],
+        patch_size=32,
+        num_detection_tokens=8,
+        id2label=names,
+        label2id={name: number for number, name in names.items()},
+    )
     network = YolosForObjectDetection(config)
     with torch.no_grad():
         bias = network.class_labels_classifier.layers[-1].bias
@@ -44,8 +51,8 @@ def save(folder: Path, person: str = "person", broken: bool = False, half: bool 
 def test_a_hugging_face_model_keeps_the_contract(tmp_path: Path) -> None:
     detector = HuggingFaceDetector(save(tmp_path / "model"), threshold=0.3)
     check_detector(detector, 320, 192)
-    found = detector.detect(Frame(IMAGE, Truth()))
-    assert len(found.scores) >= 1 and found.scores[0] > 0.9
+    detections = detector.detect(Frame(IMAGE, Truth()))
+    assert len(detections.scores) >= 1 and detections.scores[0] > 0.9
     assert (
         len(
             HuggingFaceDetector(tmp_path / "model", threshold=0.3, person="tree")
@@ -79,7 +86,8 @@ def test_wrong_hugging_face_folders_are_named(tmp_path: Path) -> None:
     save(tmp_path / "other", person="wolf")
     with pytest.raises(
         InputError,
-        match="expected a class called pedestrian or person or people among its 3 classes, got names 0: car",
+        match="expected a class called pedestrian or person or people among its 3 classes, "
+        "got names 0: car",
     ):
         HuggingFaceDetector(tmp_path / "other")
     pickled = save(tmp_path / "pickled")
@@ -159,8 +167,8 @@ def test_a_function_keeps_the_contract() -> None:
     check_detector(detector, 320, 192)
     image = np.zeros((192, 320, 3), np.uint8)
     image[80:120, 100:120] = 250
-    found = detector.detect(Frame(image, Truth()))
-    assert found.boxes.tolist() == [[100, 80, 120, 120], [0, 0, 30, 30]] and image.max() == 250
+    detections = detector.detect(Frame(image, Truth()))
+    assert detections.boxes.tolist() == [[100, 80, 120, 120], [0, 0, 30, 30]] and image.max() == 250
 
 
 @pytest.mark.parametrize(

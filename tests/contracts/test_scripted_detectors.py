@@ -23,7 +23,7 @@ STAND_INS = (VisiblePixelOracle, BlindDetector, EverywhereDetector)
 
 
 @pytest.mark.parametrize(
-    "detector", [made for kind in STAND_INS for made in (kind(), kind(model="any"))]
+    "detector", [detector for kind in STAND_INS for detector in (kind(), kind(model="any"))]
 )
 def test_stand_ins_keep_the_contract(detector: Detector) -> None:
     assert isinstance(detector, Detector)
@@ -43,11 +43,11 @@ def test_the_oracle_sees_what_a_person_sees() -> None:
 
 
 def test_the_person_seen_everywhere_stands_ten_metres_ahead() -> None:
-    found = EverywhereDetector().detect(Frame(np.zeros((192, 320, 3), np.uint8), Truth()))
-    assert found.scores.tolist() == [1]
+    detections = EverywhereDetector().detect(Frame(np.zeros((192, 320, 3), np.uint8), Truth()))
+    assert detections.scores.tolist() == [1]
     focal = 160 / np.tan(np.radians(30))
-    left, top, right, bottom = found.boxes[0]
-    assert Pinhole(320, 192, focal, 0, 1.35).ground(found.boxes)[0] == pytest.approx(
+    left, top, right, bottom = detections.boxes[0]
+    assert Pinhole(320, 192, focal, 0, 1.35).ground(detections.boxes)[0] == pytest.approx(
         (10, 0), abs=0.05
     )
     assert 10 / focal * np.array([bottom - top, right - left]) == pytest.approx(

@@ -1,4 +1,4 @@
-"""Snapshots of the front-car domain show their point's conditions, and their labels match the image."""
+"""Snapshots of the front-car domain show their point's conditions, and their labels fit."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from pipeline.simulators.mujoco.weather import Weather
 from pipeline.steps.front_car_snapshots import render_town
 
 SPACE = compose("front_car", []).front_car.space
-POINTS = [
-    {name: str(value) for name, value in SPACE.space().decode(row.astype(float)).items()} for row in SPACE.feasible_points()
-]  # fmt: skip
+POINTS = []
+for row in SPACE.feasible_points():
+    decoded = SPACE.space().decode(row.astype(float))
+    POINTS.append({name: str(value) for name, value in decoded.items()})
 ROAD = {"lanes": "2", "lane_orientation": "curvy"}
-CURVY = [point for point in POINTS if all(point[name] == value for name, value in ROAD.items())]
+CURVY = [point for point in POINTS if ROAD.items() <= point.items()]
 FORWARD, ONCOMING = CLASSES.index("forward vehicle"), CLASSES.index("oncoming vehicle")
 
 

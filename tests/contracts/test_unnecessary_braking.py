@@ -7,15 +7,16 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.config.components import make_simulator
+from pipeline.config.components import make_world
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.kpi import Kpi
+from pipeline.core.loop import run_test
 from pipeline.detectors.scripted import BlindDetector, EverywhereDetector, VisiblePixelOracle
 from pipeline.errors import InputError
 from pipeline.protocols import Detector
 from pipeline.scenarios.functional import FunctionalScenario
-from pipeline.testing import check_simulator
+from pipeline.testing import check_world
 
 SMALL = [
     "simulator.camera.width=96",
@@ -27,23 +28,22 @@ NO_BRAKING = ("N1", "N2", "N3", "N4")
 TESTS = 2
 
 
-def judged(scenario: str, detectors: dict[str, Detector]) -> dict[str, list[Kpi]]:
+def evaluated(scenario: str, detectors: dict[str, Detector]) -> dict[str, list[Kpi]]:
     """The same random tests with each detector."""
     config, described = compose("default", SMALL), functional_scenario(scenario)
-    space, simulator = (
-        described.logical_space(),
-        make_simulator(config.simulator, described, config.car),
-    )
+    space = described.logical_space()
+    world = make_world(config.simulator, described, config.car.vehicle)
     tests = [space.decode(point) for point in space.sample(TESTS, np.random.default_rng(4))]
-    return {
-        name: [kpi.evaluate(simulator.execute(t, detector).signals, 0.1) for t in tests]
-        for name, detector in detectors.items()
-    }
+    judged = {}
+    for name, detector in detectors.items():
+        episodes = [run_test(world, detector, config.car, test) for test in tests]
+        judged[name] = [kpi.evaluate(episode.signals, 0.1) for episode in episodes]
+    return judged
 
 
 @pytest.mark.parametrize("scenario", NO_BRAKING)
 def test_only_the_detector_that_sees_people_everywhere_brakes(scenario: str) -> None:
-    found = judged(
+    tests = evaluated(
         scenario,
         {
             "everywhere": EverywhereDetector(),
@@ -51,32 +51,33 @@ def test_only_the_detector_that_sees_people_everywhere_brakes(scenario: str) -> 
             "oracle": VisiblePixelOracle(),
         },
     )
-    for test in found["everywhere"]:
+    for test in tests["everywhere"]:
         assert (test.failure, test.cause, test.false_activations) == (True, "false_activation", 1)
         assert test.false_activation_s > 1 and test.speed_loss_mps > 5
-    for test in (*found["blind"], *found["oracle"]):
+    for test in (*tests["blind"], *tests["oracle"]):
         assert (test.failure, test.false_activations) == (False, 0)
 
 
 @pytest.mark.parametrize("scenario", NO_BRAKING)
-def test_the_simulator_keeps_its_contract(scenario: str) -> None:
+def test_the_world_keeps_its_contract(scenario: str) -> None:
     config, described = compose("default", SMALL), functional_scenario(scenario)
-    simulator = make_simulator(config.simulator, described, config.car)
-    check_simulator(simulator, described.logical_space(), VisiblePixelOracle(), count=1)
+    world = make_world(config.simulator, described, config.car.vehicle)
+    check_world(world, described.logical_space(), VisiblePixelOracle(), count=1)
 
 
 def test_a_road_on_which_no_braking_would_count_is_refused() -> None:
     slippery = ["vehicle.dry_friction=0.5", "vehicle.wet_friction=0.4"]
     with pytest.raises(
         InputError,
-        match=r"vehicle.dry_friction: N1 asks the ego not to brake, .* needs a friction of 0.51, got 0.5",
+        match=r"vehicle.dry_friction: N1 asks the ego not to brake, "
+        r".* needs a friction of 0.51, got 0.5",
     ):
         compose("default", ["search=[F1,N1]", "aeb.gate=detections", *slippery])
     assert compose("default", slippery).vehicle.dry_friction == 0.5
 
 
 def test_the_blind_detector_fails_where_braking_is_right() -> None:
-    for test in judged("F1", {"blind": BlindDetector()})["blind"]:
+    for test in evaluated("F1", {"blind": BlindDetector()})["blind"]:
         assert test.failure and test.cause in ("never_seen", "not_solvable")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.core.boxes import Box
 from pipeline.core.detections import Detections
-from pipeline.core.matching import Criterion, match, on_pedestrian
+from pipeline.core.matching import Criterion, match
 from pipeline.core.truth import Truth
 
 BOX = (10.0, 10.0, 20.0, 30.0)
@@ -63,7 +63,7 @@ def test_a_detection_below_the_threshold_is_neither_right_nor_wrong() -> None:
 
 def test_the_brake_follows_what_matches_and_nothing_at_the_limit_itself() -> None:
     found = said((10, 10, 20, 20), BOX, scores=(0.9, 0.1))
-    assert on_pedestrian(found, VISIBLE, Criterion(threshold=0.5)).tolist() == [False, True]
+    assert match(found, VISIBLE, Criterion(threshold=0.5)).matches == (False, True)
 
 
 @pytest.mark.parametrize("threshold", [0.5, 0.7, 0.9, 0.95])

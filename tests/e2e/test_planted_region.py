@@ -7,20 +7,20 @@ import pytest
 
 from pipeline.core import kpi
 from pipeline.core.grouping import Outcomes, group_failures
+from pipeline.core.loop import run_test
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.forest import ForestSampler
 from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.space import Floats
-from pipeline.detectors.scripted import BlindDetector
-from pipeline.simulators.analytic import PLANTED, AnalyticSimulator
+from pipeline.detectors.scripted import VisiblePixelOracle
+from pipeline.simulators.analytic import PLANTED, AnalyticWorld, planted
 from pipeline.testing import CAR
-from tests.scenarios import scenario_with
 from tests.spaces import THESIS
 
 THRESHOLD_S = 0.1
 CHANCE_NEIGHBOURS, MIN_FAILURES, MIN_PRECISION = 0.5, 4, 0.75
 Search = tuple[Floats, Floats]
-SIMULATOR = AnalyticSimulator(scenario_with(THESIS), CAR)
+WORLD, ORACLE = AnalyticWorld(), VisiblePixelOracle()
 
 
 def search(sampler: BatchSampler, tests: int) -> Search:
@@ -28,9 +28,7 @@ def search(sampler: BatchSampler, tests: int) -> Search:
     points, values = np.zeros((0, len(THESIS))), np.zeros(0)
     while len(points) < tests:
         asked = sampler.ask()
-        signals = [
-            SIMULATOR.execute(THESIS.decode(point), BlindDetector()).signals for point in asked
-        ]
+        signals = [run_test(WORLD, ORACLE, CAR, THESIS.decode(point)).signals for point in asked]
         told = np.array([kpi.evaluate(columns, THRESHOLD_S).adj_ttc_s for columns in signals])
         sampler.tell(asked, told)
         points, values = np.concatenate([points, asked]), np.concatenate([values, told])
@@ -164,11 +162,11 @@ def causes_of(seeds: tuple[int, int]) -> tuple[set[str], int, int]:
         np.concatenate([values for _, values in used]) <= THRESHOLD_S,
     )
     tests = Outcomes(THESIS, points, failures)
-    planted, found, alike, members = SIMULATOR.planted(points), set(), 0, 0
+    causes, found, alike, members = planted(map(THESIS.decode, points)), set(), 0, 0
     for group in group_failures(
         tests, np.where(failures, "too_late", "none"), CHANCE_NEIGHBOURS, MIN_FAILURES
     ):
-        counts = np.bincount(planted[group.members], minlength=len(PLANTED))
+        counts = np.bincount(causes[group.members], minlength=len(PLANTED))
         alike, members = alike + int(counts.max()), members + int(group.members.sum())
         cause = PLANTED[int(np.argmax(counts))]
         found.add(cause.name)

@@ -14,11 +14,11 @@ import numpy as np
 from threadpoolctl import threadpool_info
 
 from pipeline.core.detections import Detections
-from pipeline.core.episode import Episode, Frame
+from pipeline.core.encounter import Encounter
+from pipeline.core.episode import Frame
 from pipeline.core.space import Value
 from pipeline.execution.worker import Calls
-from pipeline.protocols import Detector
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 
 MB = 1_000_000
 
@@ -71,19 +71,13 @@ number = 0
 """Of the test at work."""
 
 
-class Numbered(AnalyticSimulator):
+class Numbered(AnalyticWorld):
     """Tells the detector beside it the number of the test, which is its fog."""
 
-    def execute(
-        self,
-        concrete: Mapping[str, Value],
-        detector: Detector,
-        keep_every: int = 0,
-        noise: Mapping[str, Value] | None = None,
-    ) -> Episode:
+    def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
         global number
         number = int(float(concrete["fog"]))
-        return super().execute(concrete, detector, keep_every)
+        return super().reset(concrete, seed)
 
 
 class Hostile:

@@ -107,7 +107,7 @@ def test_a_scenario_has_the_variables_that_its_simulator_needs() -> None:
     changes: list[tuple[dict[str, Any], str]] = [
         (
             {"fog": None},
-            "key 'scenarios.F1.space.fog' is missing: .*MujocoSimulator needs this variable",
+            "key 'scenarios.F1.space.fog' is missing: .*MujocoWorld needs this variable",
         ),
         (
             {"animation": {"kind": "categorical", "values": ["dancing"]}},

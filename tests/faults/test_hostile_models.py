@@ -14,6 +14,7 @@ from pipeline.__main__ import main
 from pipeline.commands.simulate import concrete_scenario
 from pipeline.config.composing import compose
 from pipeline.config.sections import Limits
+from pipeline.core.loop import run_test
 from pipeline.errors import InputError
 from pipeline.execution import pool
 from pipeline.execution.journal import Journal, Outcome, write
@@ -73,12 +74,10 @@ def test_each_harm_is_an_error_of_its_test_alone(tmp_path: Path) -> None:
         n: reason for n, (_, reason) in ACTS.items()
     }
     config = compose("smoke", ORACLE)
-    simulator = Numbered(config.scenarios["F1"], config.car)
+    world = Numbered(config.scenarios["F1"], config.car.vehicle)
     for n in set(found) - set(ACTS):
-        alone = Outcome.of(
-            simulator.execute(concrete_scenario(config.space("F1"), [f"fog={n}"]), Hostile(""), 4),
-            0,
-        )
+        concrete = concrete_scenario(config.space("F1"), [f"fog={n}"])
+        alone = Outcome.of(run_test(world, Hostile(""), config.car, concrete, keep_every=4), 0)
         assert len(alone.frames)
         pd.testing.assert_frame_equal(pd.DataFrame(alone.frames), pd.DataFrame(found[n].frames))
         assert all(

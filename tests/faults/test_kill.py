@@ -18,11 +18,11 @@ from pipeline.artefacts.files import read_sealed
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.model_card import read_card
 from pipeline.core.detections import Detections
-from pipeline.core.episode import Episode, Frame
+from pipeline.core.encounter import Encounter
+from pipeline.core.episode import Frame
 from pipeline.core.space import Value
 from pipeline.detectors.yolo.weights import load_weights
-from pipeline.protocols import Detector
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 from tests.analysis.fabricated import FabricatedStudy
 from tests.studies import ROOT, StudyFolder, arguments
 from tests.workflow.test_campaign import OVERRIDES, analytic_study
@@ -99,21 +99,14 @@ EXECUTED = "executed"
 NOTED = f"simulator._target_={__name__}.Noted"
 
 
-class Noted(AnalyticSimulator):
+class Noted(AnalyticWorld):
     """Executes slowly enough to be killed between two tests, and notes each execution."""
 
-    def execute(
-        self,
-        concrete: Mapping[str, Value],
-        detector: Detector,
-        keep_every: int = 0,
-        noise: Mapping[str, Value] | None = None,
-    ) -> Episode:
+    def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
         time.sleep(0.1)
-        episode = super().execute(concrete, detector, keep_every)
         with Path(EXECUTED).open("a") as file:
             file.write(".")
-        return episode
+        return super().reset(concrete, seed)
 
 
 class Large:

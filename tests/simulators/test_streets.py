@@ -40,11 +40,9 @@ def test_scenarios_match_their_tables(name: str) -> None:
     at = scenario.ego.route().at(scenario.conflict_s())
     across = np.sin(np.radians(scenario.pedestrian.heading_deg) - at.heading)
     # From the nearside (right) to the left; from the farside to the right; else along the road.
-    assert round(float(across)) == (1 if "nearside" in text else -1 if "farside" in text else 0)
-    turned = np.degrees(at.heading)
-    assert turned == pytest.approx(
-        90 if "turns left" in text else -90 if "turns right" in text else 0
-    )
+    assert round(float(across)) == ("nearside" in text) - ("farside" in text)
+    turned = 90 * (("turns left" in text) - ("turns right" in text))
+    assert np.degrees(at.heading) == pytest.approx(turned)
     ahead = [actor for actor in scenario.actors.values() if actor.kind != "bus"]
     assert ahead and len(scenario.logical_space()) == 8
 
@@ -63,8 +61,14 @@ def test_the_street_frames_agree_with_the_world() -> None:
 def test_asphalt_ends_at_kerbs_and_rounded_corners() -> None:
     town = Town(seed=0, lanes_ahead=2, bus_bay=(-30, -10), junction=Junction(x_m=10, side="left"))
     for x, y, inside in (
-        (0, -3.4, True), (0, -3.6, False), (-20, -6.5, True), (0, 6.9, True), (0, 7.1, False), (10, 30, True), (13.6, 30, False),
-    ):  # fmt: skip
+        (0, -3.4, True),
+        (0, -3.6, False),
+        (-20, -6.5, True),
+        (0, 6.9, True),
+        (0, 7.1, False),
+        (10, 30, True),
+        (13.6, 30, False),
+    ):
         assert on_asphalt(town, x, y) is inside, (x, y)
     corner = np.array([10 + 3.5 + CORNER_RADIUS, 7 + CORNER_RADIUS])
     for angle in np.radians([200, 225, 250]):

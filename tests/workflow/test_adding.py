@@ -25,9 +25,7 @@ SIGNAL = {
     "pipeline/core/signals.py": {
         "\n\nSignals = ": '    jerk_mps3: float = column("jerk of the ego", "m/s³")\n\n\nSignals = '
     },
-    "pipeline/simulators/analytic.py": {
-        "        ego_y_m=": "        jerk_mps3=1.5,\n        ego_y_m="
-    },
+    "pipeline/core/loop.py": {"        ego_y_m=": "        jerk_mps3=1.5,\n        ego_y_m="},
 }
 
 

@@ -22,7 +22,8 @@ from pipeline.artefacts.scenario_space import read_space
 from pipeline.config.composing import PARAMS, compose, load
 from pipeline.core import kpi
 from pipeline.core.detections import Detections
-from pipeline.core.episode import Episode, Frame
+from pipeline.core.encounter import Encounter
+from pipeline.core.episode import Frame
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import kinds_of
 from pipeline.core.names import count_of
@@ -32,8 +33,7 @@ from pipeline.execution import workers
 from pipeline.execution.campaign import CampaignPlan, sampler_seed
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
-from pipeline.protocols import Detector
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 from tests.spaces import SMALL
 from tests.strategies import strategies
 from tests.studies import ROOT, StudyFolder, arguments
@@ -351,36 +351,24 @@ def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     )
 
 
-class Slow(AnalyticSimulator):
+class Slow(AnalyticWorld):
     """Slows execution down, so that a test can kill it between two executions."""
 
-    def execute(
-        self,
-        concrete: Mapping[str, Value],
-        detector: Detector,
-        keep_every: int = 0,
-        noise: Mapping[str, Value] | None = None,
-    ) -> Episode:
+    def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
         time.sleep(0.1)
-        return super().execute(concrete, detector, keep_every)
+        return super().reset(concrete, seed)
 
 
-class Fragile(AnalyticSimulator):
-    """A simulator with errors on some scenarios that kills its process on one, for tests of the
+class Fragile(AnalyticWorld):
+    """A world with errors on some scenarios that kills its process on one, for tests of the
     executor."""
 
-    def execute(
-        self,
-        concrete: Mapping[str, Value],
-        detector: Detector,
-        keep_every: int = 0,
-        noise: Mapping[str, Value] | None = None,
-    ) -> Episode:
+    def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
         if float(concrete["fog"]) > 70:
             raise SimulationError("too much fog to simulate")
         if float(concrete["rain"]) > 92:
             os._exit(9)
-        return super().execute(concrete, detector, keep_every)
+        return super().reset(concrete, seed)
 
 
 class Unsorted:

@@ -157,8 +157,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ),
         (
             "+scenarios.F1.space.wind={kind: continuous, low: 0, high: 20, step: 5, unit: m/s}",
-            "scenarios.F1.space.wind: pipeline.simulators.mujoco.simulator.MujocoSimulator does "
-            "not use this variable",
+            "scenarios.F1.space.wind: pipeline.simulators.mujoco.world.MujocoWorld does not use "
+            "this variable",
         ),
         (
             "+scenarios.F1.constraints=[['rain = 50'],['fog = 50'],['sun_azimuth = "
@@ -299,7 +299,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "+simulator.camera.widht=64",
             "unknown key 'simulator.camera.widht'; did you mean 'width'?",
         ),
-        ("+simulator.car=1", "simulator.car is set by the study; leave it out"),
+        ("+simulator.vehicle=1", "simulator.vehicle is set by the study; leave it out"),
         ("detector.threshold=2", "detector.threshold: expected less than 1, got 2"),
         ("detector=function", "overrides: Missing mandatory value: function"),
         (

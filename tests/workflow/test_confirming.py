@@ -15,7 +15,7 @@ from pipeline.artefacts.region_results import FailureRegion, FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import compose, functional_scenario
-from pipeline.core.episode import Episode
+from pipeline.core.encounter import Encounter
 from pipeline.core.grouping import Group
 from pipeline.core.rules import Condition, Rule
 from pipeline.core.space import Value
@@ -25,10 +25,9 @@ from pipeline.execution.confirming import FreshTests
 from pipeline.execution.points import Executor
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
-from pipeline.protocols import Detector
 from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.region_cards import Shown, cards, pictured
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 from tests.analysis.test_evidence import world
 from tests.spaces import SMALL
 from tests.workflow.test_campaign import analytic_study
@@ -36,19 +35,13 @@ from tests.workflow.test_campaign import analytic_study
 FRESH = 12
 
 
-class BreaksInDenseFog(AnalyticSimulator):
+class BreaksInDenseFog(AnalyticWorld):
     """Breaks in fog above 90 %."""
 
-    def execute(
-        self,
-        concrete: Mapping[str, Value],
-        detector: Detector,
-        keep_every: int = 0,
-        noise: Mapping[str, Value] | None = None,
-    ) -> Episode:
+    def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
         if float(concrete["fog"]) > 90:
             raise SimulationError("dense fog")
-        return super().execute(concrete, detector, keep_every)
+        return super().reset(concrete, seed)
 
 
 @pytest.fixture(scope="module")

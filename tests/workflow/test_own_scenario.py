@@ -21,10 +21,11 @@ from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.core import kpi
 from pipeline.core.identity import CampaignId
+from pipeline.core.loop import run_test
 from pipeline.core.measures import pair_coverage
-from pipeline.detectors.scripted import BlindDetector
+from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.errors import InputError
-from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.simulators.analytic import AnalyticWorld
 from pipeline.testing import CAR, check_sampler
 from tests.spaces import CONSTRAINED
 from tests.strategies import strategies
@@ -138,7 +139,7 @@ def test_a_full_pairwise_plan_covers_every_feasible_pair_and_breaks_no_clause(
 
 
 def test_every_strategy_respects_the_constraints(config: Config) -> None:
-    space, simulator = config.space("G1"), AnalyticSimulator(config.scenarios["G1"], CAR)
+    space, world = config.space("G1"), AnalyticWorld()
     assert "centred" in config.samplers
     for name in config.samplers:
         sampler = instantiate(config.samplers[name], _partial_=True, _convert_="all")(
@@ -147,9 +148,8 @@ def test_every_strategy_respects_the_constraints(config: Config) -> None:
         for _ in range(3):
             points = sampler.ask()
             assert space.violation(points) is None, name
-            signals = [
-                simulator.execute(space.decode(point), BlindDetector()).signals for point in points
-            ]
+            tests = [space.decode(point) for point in points]
+            signals = [run_test(world, VisiblePixelOracle(), CAR, test).signals for test in tests]
             sampler.tell(
                 points, np.array([kpi.evaluate(columns, 0.1).adj_ttc_s for columns in signals])
             )

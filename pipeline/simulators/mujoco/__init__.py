@@ -1,4 +1,4 @@
-"""The MuJoCo world: towns, road users, weather, camera and the closed loop. Only this package imports MuJoCo."""
+"""The MuJoCo world: towns, road users, weather and camera. Only this package imports MuJoCo."""
 
 from pipeline.simulators.gl import choose_backend, load_triton_first
 

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .weather import Weather
-from .world import (
+from pipeline.simulators.mujoco.model import (
     CAMERA_X_M,
     HEADLIGHT_AXIS,
     HEADLIGHT_COLOUR,
@@ -18,24 +17,27 @@ from .world import (
     HEADLIGHT_FADE,
     HEADLIGHTS_M,
 )
+from pipeline.simulators.mujoco.weather import Weather
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 SCATTERED_PER_SR = 1 / 18.8
-"""Share of the scattered light that droplets send straight back, per steradian: the lidar ratio of water cloud (O'Connor et al. 2004,
-doi:10.1175/1520-0426(2004)021<0777:ATFAOC>2.0.CO;2)."""
+"""Share of the scattered light that droplets send straight back, per steradian: the lidar ratio of
+water cloud (O'Connor et al. 2004, doi:10.1175/1520-0426(2004)021<0777:ATFAOC>2.0.CO;2)."""
 COLUMNS, SAMPLES = 40, 32
 NEAREST_M, FARTHEST_M = 0.5, 64.0
 STEPS_PER_M = 4.0
 
 
 class Backscatter:
-    """The veil of scattered headlight at one image size: single scattering, integrated along the ray of each pixel.
+    """The veil of scattered headlight at one image size: single scattering along each pixel's ray.
 
-    L(s) = b p integral from 0 to s of E(d, a) exp(-b (d + t)) dt: extinction b, share scattered back p, distances t from the camera and d
-    from the lamp, angle a from the beam's axis (Sun et al. 2005, doi:10.1145/1073204.1073309). E is the light that the renderer's
-    spotlight gives, so that veil and lit surfaces are exposed alike. Split into a map of the image for an empty road and the share gained
-    up to a distance, L(s) = L(inf) F(s), this costs a look-up and a product per pixel.
+    L(s) = b p integral from 0 to s of E(d, a) exp(-b (d + t)) dt: extinction b, share scattered
+    back p, distances t from the camera and d from the lamp, angle a from the beam's axis (Sun et
+    al. 2005, doi:10.1145/1073204.1073309). E is the light that the renderer's spotlight gives, so
+    that veil and lit surfaces are exposed alike. Split into a map of the image for an empty road
+    and the share gained up to a distance, L(s) = L(inf) F(s), this costs a look-up and a product
+    per pixel.
     """
 
     def __init__(self, width: int, height: int, focal_px: float, camera_height_m: float) -> None:
@@ -53,7 +55,7 @@ class Backscatter:
         self._of = lru_cache(maxsize=1)(self._maps)
 
     def add(self, image: Image, metres: Floats, weather: Weather) -> Image:
-        """The image, (h, w, 3), with the veil in front of what is `metres`, (h, w), away along the ray."""
+        """The image, (h, w, 3), with the veil in front of what lies `metres`, (h, w), away."""
         veil, gained = self._of(weather.extinction_per_m, weather.lamplight)
         share = cv2.LUT(cv2.convertScaleAbs(metres, alpha=STEPS_PER_M), gained)
         return np.asarray(
@@ -64,7 +66,7 @@ class Backscatter:
         )
 
     def _maps(self, extinction_per_m: float, lamplight: float) -> tuple[Image, Image]:
-        """L(inf) in grey levels, (h, w, 3), and F, (256,), of 0 to 255 for each 1 / STEPS_PER_M metres."""
+        """L(inf), (h, w, 3) grey levels, and F, (256,) of 0 to 255 every 1 / STEPS_PER_M metres."""
         gained = np.cumsum(self._gained * np.exp(-extinction_per_m * self._way), axis=0)
         whole = extinction_per_m * np.pi * SCATTERED_PER_SR * lamplight * gained[-1]
         white = cv2.resize(whole.astype(np.float32), self._size, interpolation=cv2.INTER_CUBIC)
@@ -79,7 +81,10 @@ class Backscatter:
 
 
 def _beam(offsets: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Light of one lamp, as the renderer's spotlight, and metres from it at places (..., 3) relative to the lamp."""
+    """Light of one lamp, as the renderer's spotlight, and metres from it at (..., 3) places.
+
+    The places are relative to the lamp.
+    """
     metres = np.maximum(np.linalg.norm(offsets, axis=-1), 0.1)
     cosine = np.clip(
         offsets @ (np.array(HEADLIGHT_AXIS) / np.linalg.norm(HEADLIGHT_AXIS)) / metres, 0, 1

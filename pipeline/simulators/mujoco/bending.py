@@ -1,4 +1,4 @@
-"""Bends a straight street along a curved axis: meshes vertex by vertex, everything else as a whole."""
+"""Bends a straight street along a curved axis: meshes by vertex, everything else as a whole."""
 
 from __future__ import annotations
 

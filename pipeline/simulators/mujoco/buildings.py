@@ -7,17 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
-
-from .mesh import Mesh, Site
-from .style import STYLES, Style
+from pipeline.simulators.mujoco.mesh import Mesh, Site
+from pipeline.simulators.mujoco.style import STYLES, Style
 
 HOUSE_DEPTH = 10.0
 
 
 @dataclass(frozen=True)
 class _House:
-    """A house. us, vs: its extent along and across the street, metres. wall, roof: indices of the style's. floors: above the ground
-    floor."""
+    """A house.
+
+    us, vs: its extent along and across the street, metres. wall, roof: indices of the style's.
+    floors: above the ground floor.
+    """
 
     us: tuple[float, float]
     vs: tuple[float, float]
@@ -32,12 +34,15 @@ def _front(town: Town, style: Style, street: Street, side: int) -> float:
 
 
 def add(site: Site, town: Town, street: Street, side: int, rng: np.random.Generator) -> None:
-    """House fronts, gable ends and roofs, one mesh a surface; a cross row closes the street at its end."""
+    """House fronts, gable ends and roofs, one mesh a surface.
+
+    A cross row closes the street at its end.
+    """
     style = STYLES[town.style]
     parts: dict[str, Mesh] = {}
     panes = Mesh()
     front = _front(town, style, street, side)
-    # The main street's corner houses also front the side street; the side street's houses begin behind them.
+    # The main street's corner houses also front the side street, whose houses begin behind them.
     u = (
         street.start - 10
         if street.name == "main"

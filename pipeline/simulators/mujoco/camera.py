@@ -1,4 +1,7 @@
-"""Renders one frame with its ground truth: colour and depth in one read, the pedestrian alone in a second small pass."""
+"""Renders one frame with its ground truth.
+
+Colour and depth come in one read, the pedestrian alone in a second small pass.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,16 @@ from pipeline.core.boxes import Box
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
 from pipeline.simulators.gl import lost_context
-
-from .culling import Culling
-from .lens import CameraSettings, Lens, Sun
-from .pedestrian import GROUP
-from .weather import Weather, WeatherControl
+from pipeline.simulators.mujoco.culling import Culling
+from pipeline.simulators.mujoco.lens import CameraSettings, Lens, Sun
+from pipeline.simulators.mujoco.pedestrian import GROUP
+from pipeline.simulators.mujoco.weather import Weather, WeatherControl
 
 MAX_GEOMS = 1500
 DEPTH_TOLERANCE = 1e-4
 RING = 4 / 320
-"""Width of the ring around the pedestrian's box that contrast is measured against, as a share of the image's."""
+"""Width of the ring around the pedestrian's box that contrast is measured against, as a share of
+the image's."""
 
 
 class Camera:
@@ -115,7 +118,10 @@ class Camera:
         return image, self._truth(image)
 
     def segment(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Class of each pixel of the last shot, (h, w). classes: (ngeom,) of the model's geoms; the sky is 0."""
+        """Class of each pixel of the last shot, (h, w).
+
+        classes: (ngeom,) of the model's geoms; the sky is 0.
+        """
         self._gl.make_current()
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
@@ -181,7 +187,10 @@ class Camera:
         return self._lens.distort(whole) > 0
 
     def _pedestrian_window(self) -> tuple[int, int, int, int] | None:
-        """Pixel window (GL rows) that contains the pedestrian's projected bounding spheres; None if they miss the image."""
+        """Pixel window (GL rows) that contains the pedestrian's projected bounding spheres.
+
+        None if they miss the image.
+        """
         width, height = self._size
         camera = self._view.fixedcamid
         axes = self._data.cam_xmat[camera].reshape(3, 3)
@@ -232,7 +241,7 @@ def _box(mask: NDArray[np.bool_], left: int, top: int) -> Box | None:
 def _contrast(
     image: NDArray[np.uint8], visible: NDArray[np.bool_], left: int, top: int, box: Box
 ) -> float:
-    """Mean absolute grey-level difference between the visible pixels and the median of the ring around their box."""
+    """Mean grey-level difference of the visible pixels from the median ring around their box."""
     height, width = image.shape[:2]
     ring = max(1, round(RING * width))
     x0, y0 = max(0, int(box[0]) - ring), max(0, int(box[1]) - ring)

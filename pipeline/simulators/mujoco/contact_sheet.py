@@ -1,4 +1,4 @@
-"""Contact sheets: a functional scenario in every weather and at every distance, and its pedestrians."""
+"""Contact sheets: a scenario in every weather and at every distance, and its pedestrians."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from pipeline.core.paths import Pose
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
 from pipeline.scenarios.people import population
-
-from . import gait
-from .gait import ANIMATIONS
-from .lens import CameraSettings
-from .stage import Stage
-from .weather import Weather
+from pipeline.simulators.mujoco import gait
+from pipeline.simulators.mujoco.gait import ANIMATIONS
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.stage import Stage
+from pipeline.simulators.mujoco.weather import Weather
 
 Pixels = NDArray[np.uint8]
 WEATHERS = {
@@ -41,7 +40,11 @@ def scenario_sheet(
     camera: Mapping[str, Any],
     weathers: Mapping[str, Weather] = WEATHERS,
 ) -> Pixels:
-    """One row per weather, one column per moment of the unbraked encounter: (rows * height, columns * width, 3) RGB."""
+    """One row per weather, one column per moment of the unbraked encounter.
+
+    Returns:
+        (rows * height, columns * width, 3) RGB.
+    """
     stage = Stage(scenario.town, scenario.actors, CameraSettings.model_validate(dict(camera)))
     route, rng, people = scenario.ego.route(), np.random.default_rng(0), _people(scenario)
     speed, walking = scenario.ego.speed_kmh / 3.6, 1.4

@@ -1,4 +1,4 @@
-"""Leaves out what the camera cannot see, because MuJoCo's renderer transforms every geom of the scene."""
+"""Leaves out what the camera cannot see: MuJoCo's renderer transforms every geom of the scene."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ VISIBLE_GROUP, HIDDEN_GROUP = 0, 5
 
 
 class Culling:
-    """Hides streets and vehicles whose bounding sphere lies outside the view. No pixel changes: whatever casts a shadow stays."""
+    """Hides streets and vehicles whose bounding sphere lies outside the view.
+
+    No pixel changes: whatever casts a shadow stays.
+    """
 
     def __init__(
         self, model: mujoco.MjModel, camera: int, half_width: float, half_height: float

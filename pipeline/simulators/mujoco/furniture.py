@@ -16,9 +16,8 @@ from pipeline.scenarios.streets import (
     Town,
     streets,
 )
-
-from .mesh import Mesh, place
-from .style import STYLES, Style
+from pipeline.simulators.mujoco.mesh import Mesh, place
+from pipeline.simulators.mujoco.style import STYLES, Style
 
 GEOM = mujoco.mjtGeom
 LAMP_SPACING = 22.0
@@ -192,7 +191,7 @@ def _bus_stop(body: mujoco.MjsBody, street: Street, bay: tuple[float, float]) ->
 
 
 def add_rails(spec: mujoco.MjSpec, town: Town, x: float) -> None:
-    """A train line across the main street: gravel beside the road, two rails, and a St Andrew's cross on either approach."""
+    """A train line across the main street: gravel, two rails, a St Andrew's cross either side."""
     world, main = spec.worldbody, streets(town)[0]
     gravel = Mesh()
     for low, high in ((-60.0, -main.right), (main.left, 60.0)):
@@ -209,9 +208,12 @@ def add_rails(spec: mujoco.MjSpec, town: Town, x: float) -> None:
         )
         for low, high in ((-60.0, -main.right), (main.left, 60.0)):
             world.add_geom(
-                type=GEOM.mjGEOM_BOX, size=(0.04, (high - low) / 2, 0.06), pos=(x + dx, (low + high) / 2, 0.1), rgba=(0.5, 0.46, 0.43, 1),
+                type=GEOM.mjGEOM_BOX,
+                size=(0.04, (high - low) / 2, 0.06),
+                pos=(x + dx, (low + high) / 2, 0.1),
+                rgba=(0.5, 0.46, 0.43, 1),
                 castshadow=False,
-            )  # fmt: skip
+            )
     for px, v in ((x - 4, -(main.right + 0.6)), (x + 4, main.left + 0.6)):
         world.add_geom(
             type=GEOM.mjGEOM_CAPSULE,
@@ -222,6 +224,10 @@ def add_rails(spec: mujoco.MjSpec, town: Town, x: float) -> None:
         )
         for tilt in (np.pi / 8, -np.pi / 8):
             world.add_geom(
-                type=GEOM.mjGEOM_BOX, size=(0.02, 0.6, 0.08), pos=(px - 0.06, v, 2.5), quat=(np.cos(tilt), np.sin(tilt), 0, 0),
-                rgba=(0.9, 0.2, 0.15, 1), castshadow=False,
-            )  # fmt: skip
+                type=GEOM.mjGEOM_BOX,
+                size=(0.02, 0.6, 0.08),
+                pos=(px - 0.06, v, 2.5),
+                quat=(np.cos(tilt), np.sin(tilt), 0, 0),
+                rgba=(0.9, 0.2, 0.15, 1),
+                castshadow=False,
+            )

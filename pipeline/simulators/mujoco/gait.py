@@ -10,9 +10,23 @@ from pipeline.scenarios.people import Blueprint
 
 ANIMATIONS = ("walking", "texting", "crouching", "limping", "drunk", "stumble")
 JOINTS = (
-    "pitch", "roll", "waist", "neck", "shoulder_l", "shoulder_r", "spread_l", "spread_r", "elbow_l", "elbow_r",
-    "hip_l", "hip_r", "knee_l", "knee_r", "ankle_l", "ankle_r",
-)  # fmt: skip
+    "pitch",
+    "roll",
+    "waist",
+    "neck",
+    "shoulder_l",
+    "shoulder_r",
+    "spread_l",
+    "spread_r",
+    "elbow_l",
+    "elbow_r",
+    "hip_l",
+    "hip_r",
+    "knee_l",
+    "knee_r",
+    "ankle_l",
+    "ankle_r",
+)
 REFERENCE_HEIGHT_M = 1.75
 STRIDE_AT_REST_M, STRIDE_PER_SPEED_S = 0.7, 0.5
 LEG_M = 0.85
@@ -22,16 +36,22 @@ STANDING_BELOW_MPS = 0.2
 
 @dataclass(frozen=True)
 class Posture:
-    """Joint angles in radians, and the change of the hips' height, at most 0, in metres at the reference height."""
+    """Joint angles in radians, and the change of the hips' height in metres, at most 0.
+
+    The height is that of a person of the reference height.
+    """
 
     angles: dict[str, float]
     drop: float = 0.0
 
 
 def phase(distance_m: float, speed_mps: float, walker: Blueprint) -> float:
-    """Gait phase in radians after a walking distance; one cycle is one stride, which grows with speed.
+    """Gait phase in radians after a walking distance.
 
-    The phase depends on distance, not time, so the feet do not slide and a pedestrian at speed 0 stands still.
+    One cycle is one stride, which grows with speed.
+
+    The phase depends on distance, not time, so the feet do not slide and a pedestrian at speed 0
+    stands still.
     """
     return 2 * np.pi * distance_m / stride(speed_mps, walker)
 
@@ -47,8 +67,10 @@ def stride(speed_mps: float, walker: Blueprint) -> float:
 
 
 def pose(animation: str, phase_rad: float, speed_mps: float, walker: Blueprint) -> Posture:
-    """Posture of an animation at a phase of the gait cycle; the swing of the legs matches the stride, so the foot on the ground stays
-    put."""
+    """Posture of an animation at a phase of the gait cycle.
+
+    The swing of the legs matches the stride, so the foot on the ground stays put.
+    """
     leg_m = LEG_M * walker.height / REFERENCE_HEIGHT_M
     swing = min(1.0, speed_mps / STANDING_BELOW_MPS)
     reach = swing * float(np.arcsin(min(1.0, stride(speed_mps, walker) / (4 * leg_m))))
@@ -61,7 +83,10 @@ def pose(animation: str, phase_rad: float, speed_mps: float, walker: Blueprint) 
 
 
 def _legs(a: dict[str, float], p: float, reach: float) -> float:
-    """Each leg stands for half of the cycle, turning back evenly under the hips; in the other half it swings forward, bent."""
+    """Each leg stands for half of the cycle, turning back evenly under the hips.
+
+    In the other half it swings forward, bent.
+    """
     drop = 0.0
     for side, q in (("l", p), ("r", p + np.pi)):
         a[f"hip_{side}"] = -reach * float(2 / np.pi * np.arcsin(np.sin(q)))
@@ -131,5 +156,10 @@ def _stumble(a: dict[str, float], p: float, swing: float) -> float:
 
 
 _CHARACTERS = {
-    "walking": _walking, "texting": _texting, "crouching": _crouching, "limping": _limping, "drunk": _drunk, "stumble": _stumble,
-}  # fmt: skip
+    "walking": _walking,
+    "texting": _texting,
+    "crouching": _crouching,
+    "limping": _limping,
+    "drunk": _drunk,
+    "stumble": _stumble,
+}

@@ -12,23 +12,31 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from pipeline.scenarios.parts import STRICT
-
-from .backscatter import Backscatter
-from .weather import Weather
-from .world import TIMESTEP_S
+from pipeline.simulators.mujoco.backscatter import Backscatter
+from pipeline.simulators.mujoco.model import TIMESTEP_S
+from pipeline.simulators.mujoco.weather import Weather
 
 ROUNDED = 1e-3
 """A rate may be rounded by this share, such as 28.57 for every seventh step."""
 
 
 class CameraSettings(BaseModel):
-    """The camera: image size in pixels, horizontal field of view in degrees, frames per second, and its image effects.
+    """The camera and its image effects.
 
-    exposure: gain that follows the image's brightness. noise: sensor noise. vignetting: darker corners. rain_on_lens: drops.
-    distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is barrel, 0 none. A
-    barrel shows more than the rendered image: its border repeats the outermost pixels. The car, which places detections on the road, takes
-    the image to be without distortion.
-    jpeg_quality: of the image's compression; null for none.
+    Attributes:
+        width: of the image, pixels.
+        height: of the image, pixels.
+        hfov_deg: horizontal field of view, degrees.
+        rate_hz: images per second.
+        exposure: gain that follows the image's brightness.
+        noise: sensor noise.
+        vignetting: darker corners.
+        rain_on_lens: drops.
+        distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image
+            plane); negative is barrel, 0 none. A barrel shows more than the rendered image: its
+            border repeats the outermost pixels. The car places detections on the road as if there
+            were no distortion.
+        jpeg_quality: of the image's compression; null for none.
     """
 
     model_config = STRICT
@@ -53,19 +61,21 @@ class CameraSettings(BaseModel):
             nearest = " or ".join(
                 f"{1 / TIMESTEP_S / count:.5g}" for count in (ceil(steps), floor(steps))
             )
-            wanted = f"expected a whole number of {1000 * TIMESTEP_S:g} ms steps between two images, as at {nearest} Hz"
-            raise ValueError(f"{wanted}, got {rate_hz:g}")
+            raise ValueError(
+                f"expected a whole number of {1000 * TIMESTEP_S:g} ms steps between two images, "
+                f"as at {nearest} Hz, got {rate_hz:g}"
+            )
         return rate_hz
 
     @model_validator(mode="after")
     def _barrel_can_be_inverted(self) -> CameraSettings:
         corner = np.tan(np.radians(self.hfov_deg / 2)) ** 2 * (1 + (self.height / self.width) ** 2)
-        least = -4 / (
-            27 * corner
-        )  # The value for which x_d (x) has its maximum at the image's corner.
+        # The value for which x_d (x) has its maximum at the image's corner.
+        least = -4 / (27 * corner)
         if self.distortion < least:
             raise ValueError(
-                f"distortion must be at least {least:.3f} for a field of view of {self.hfov_deg:g} deg, got {self.distortion}"
+                f"distortion must be at least {least:.3f} for a field of view of "
+                f"{self.hfov_deg:g} deg, got {self.distortion}"
             )
         return self
 
@@ -81,7 +91,10 @@ class CameraSettings(BaseModel):
 
 @dataclass(frozen=True)
 class Sun:
-    """direction: (3,) unit vector to the sun in the camera frame (x right, y up, -z ahead). hidden: whether an object is in front of it."""
+    """direction: (3,) unit vector to the sun in the camera frame (x right, y up, -z ahead).
+
+    hidden: whether an object is in front of it.
+    """
 
     direction: NDArray[np.float64]
     hidden: bool
@@ -90,11 +103,13 @@ class Sun:
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 GRAIN_DAY, GRAIN_NIGHT = 1.0, 1.7
-"""Standard deviation of the sensor's noise before the exposure's gain, grey levels. It is the same for bright and dark pixels, because a
-gamma of about 2 turns photon noise, the square root of the light, into a constant."""
+"""Standard deviation of the sensor's noise before the exposure's gain, grey levels. It is the same
+for bright and dark pixels, because a gamma of about 2 turns photon noise, the square root of the
+light, into a constant."""
 STREAK_SHEETS = 6
 REFERENCE_WIDTH = 320
-"""Image width that streaks, blurs and rings in pixels are made for; they grow with the image, so that each size shows the same weather."""
+"""Image width that streaks, blurs and rings in pixels are made for; they grow with the image, so
+that each size shows the same weather."""
 GLARE_HIDDEN = 0.2
 """Share of the glare that remains while the sun is hidden, from the bright sky around it."""
 QUANTILES = np.array([NormalDist().inv_cdf((i + 0.5) / 256) for i in range(256)])
@@ -103,13 +118,17 @@ MEAN_GREY, GAINS = 100.0, (0.8, 1.3)
 """Target of the exposure, and the limits of its gain."""
 DROPS_FROM_RAIN, DROP_LEVELS = 20.0, 6
 WET_MIRROR, GROUND_M = 0.4, 0.15
-"""Share of light that a wet road mirrors at a flat angle; height up to which a surface counts as ground."""
+"""Share of light that a wet road mirrors at a flat angle; height up to which a surface counts as
+ground."""
 CORNER_LIGHT = 0.78
 """Share of the light that reaches the image's corners."""
 
 
 class Lens:
-    """Camera effects at one image size. All randomness comes from the generator passed to `expose`."""
+    """Camera effects at one image size.
+
+    All randomness comes from the generator passed to `expose`.
+    """
 
     def __init__(self, settings: CameraSettings, focal_px: float, camera_height_m: float) -> None:
         width, height = settings.width, settings.height
@@ -174,7 +193,10 @@ class Lens:
         return self._distortion is not None
 
     def distort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Distort an image, (h, w, 3), or a mask, (h, w), like the lens; a mask is sampled without interpolation and is 0 outside."""
+        """Distort an image, (h, w, 3), or a mask, (h, w), like the lens.
+
+        A mask is sampled without interpolation and is 0 outside.
+        """
         if self._distortion is None:
             return image
         mask = image.ndim == 2
@@ -186,7 +208,10 @@ class Lens:
         return np.asarray(cv2.remap(image, *self._distortion, how, borderMode=border), np.uint8)
 
     def _undistorted(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[Floats, Floats]:
-        """Source of each distorted pixel: Brown's model inverted by Newton's method, which converges from one side of the radius."""
+        """Source of each distorted pixel: Brown's model, inverted by Newton's method.
+
+        It converges from one side of the radius.
+        """
         distorted = np.hypot(u, v) / self._focal
         k1, radius = self._settings.distortion, distorted
         for _ in range(20):
@@ -197,7 +222,10 @@ class Lens:
         ).astype(np.float32)
 
     def _wet_ground(self, image: Image, distance: Floats, weather: Weather) -> Image:
-        """Wet ground mirrors what is above the horizon, more so at flat angles; exact only for distant objects."""
+        """Wet ground mirrors what is above the horizon, more so at flat angles.
+
+        Exact only for distant objects.
+        """
         if weather.rain <= 0:
             return image
         middle = self._height // 2
@@ -215,7 +243,7 @@ class Lens:
 
     def _fog(self, image: Image, distance: Floats, weather: Weather) -> Image:
         if weather.fog <= 0 and weather.rain <= 0:
-            return image  # Clear air has no veil; any fog or rain adds at least that of a visibility of 1500 m.
+            return image  # Any fog or rain adds at least the veil of a visibility of 1500 m.
         metres = distance * self._ray
         clear = cv2.exp(metres * np.float32(-weather.extinction_per_m))
         veil = np.empty_like(image)
@@ -256,7 +284,10 @@ class Lens:
         return image
 
     def _wet_lens(self, image: Image, weather: Weather) -> Image:
-        """Drops show the scene blurred and upside down. The drops depend on the weather alone, so they stay in place for an episode."""
+        """Drops show the scene blurred and upside down.
+
+        The drops depend on the weather alone, so they stay in place for an episode.
+        """
         level = int((weather.rain - DROPS_FROM_RAIN) / (100.001 - DROPS_FROM_RAIN) * DROP_LEVELS)
         mask = self._drops[level]
         if round(weather.sun_azimuth) % 2:
@@ -282,7 +313,10 @@ def _grainy(image: Image, deviation: float, rng: np.random.Generator) -> Image:
 
 
 def _drops(width: int, height: int, rng: np.random.Generator) -> list[Floats]:
-    """Opacity (h, w) of the drops on the lens for each level of rain; each level includes the drops of the one before."""
+    """Opacity (h, w) of the drops on the lens for each level of rain.
+
+    Each level includes the drops of the one before.
+    """
     masks, mask = [], np.zeros((height, width), np.float32)
     for _ in range(DROP_LEVELS):
         for _ in range(5):
@@ -295,7 +329,7 @@ def _drops(width: int, height: int, rng: np.random.Generator) -> list[Floats]:
 
 
 def _glow(width: int, height: int) -> Floats:
-    """(2h, 2w, 3) glare around its centre, 0 to about 2: a disc, a halo and a veil over the lens."""
+    """(2h, 2w, 3) glare around its centre, 0 to about 2: disc, halo and a veil over the lens."""
     v, u = np.mgrid[-height:height, -width:width].astype(np.float32)
     r = np.sqrt(u**2 + v**2) / width
     shape = 1.2 * np.exp(-((r / 0.022) ** 2)) + 0.7 * np.exp(-r / 0.09) + 0.22 * np.exp(-r / 0.45)

@@ -28,9 +28,12 @@ class Mesh:
         uv: tuple[float, float, float, float],
         cell: float = 4.0,
     ) -> None:
-        """Add a rectangle: corner and two edges in metres, texture window (u0, v0, u1, v1); v = 0 is an image's top row.
+        """Add a rectangle: corner and two edges in metres, texture window (u0, v0, u1, v1).
 
-        It is split into cells of at most `cell` metres, because MuJoCo's classic renderer lights vertices, not pixels.
+        V = 0 is an image's top row.
+
+        It is split into cells of at most `cell` metres, because MuJoCo's classic renderer lights
+        vertices, not pixels.
         """
         o, a, b = (np.asarray(x, float) for x in (origin, edge_u, edge_v))
         normal = np.cross(a, b)
@@ -72,7 +75,10 @@ class Mesh:
 
 
 def loft(spec: mujoco.MjSpec, name: str, sections: ArrayLike) -> None:
-    """Declare a closed skin over cross-sections, (stations, points, 3) metres, with MuJoCo's own smooth normals."""
+    """Declare a closed skin over cross-sections, (stations, points, 3) metres.
+
+    MuJoCo makes its smooth normals.
+    """
     rings = np.asarray(sections, float)
     stations, points = rings.shape[:2]
     faces: list[tuple[int, int, int]] = []
@@ -93,7 +99,7 @@ def loft(spec: mujoco.MjSpec, name: str, sections: ArrayLike) -> None:
 
 @dataclass(frozen=True)
 class Site:
-    """The target of a street's geometry: the model that declares its meshes, and the body that they belong to."""
+    """Target of a street's geometry: the model that declares its meshes, and their body."""
 
     spec: mujoco.MjSpec
     body: mujoco.MjsBody

@@ -1,4 +1,7 @@
-"""The pedestrian: an articulated body of capsules and ellipsoids, dressed by a blueprint and posed by an animation."""
+"""The pedestrian: an articulated body of capsules and ellipsoids.
+
+A blueprint dresses it, an animation poses it.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,7 @@ import mujoco
 import numpy as np
 
 from pipeline.scenarios.people import Blueprint
-
-from .gait import REFERENCE_HEIGHT_M, Posture
+from pipeline.simulators.mujoco.gait import REFERENCE_HEIGHT_M, Posture
 
 GEOM = mujoco.mjtGeom
 GROUP = 2
@@ -20,7 +22,7 @@ MATERIALS = ("top", "chest", "abdomen", "trousers", "shoes", "skin", "hair", "ac
 
 
 def add(spec: mujoco.MjSpec) -> None:
-    """Add the pedestrian of the reference height to the world, standing at the origin and facing x."""
+    """Add the pedestrian of the reference height to the world, at the origin and facing x."""
     for name in MATERIALS:
         spec.add_material(name=f"pedestrian_{name}", specular=0.05, shininess=0.1)
     root = spec.worldbody.add_body(name="pedestrian", pos=(0, 0, HIP_HEIGHT))
@@ -69,7 +71,10 @@ def _head(torso: mujoco.MjsBody) -> None:
 
 
 def _umbrella(torso: mujoco.MjsBody) -> None:
-    """An umbrella, held over the head. It occludes but is not part of the person, so ground truth does not render it."""
+    """An umbrella, held over the head.
+
+    It occludes but is not part of the person, so ground truth does not render it.
+    """
     torso.add_geom(
         name="pedestrian_canopy",
         type=GEOM.mjGEOM_ELLIPSOID,
@@ -174,7 +179,7 @@ class Pedestrian:
         model, k = self._model, blueprint.height / REFERENCE_HEIGHT_M
         self._scale = k
         for i in self._geoms:
-            # A capsule's or cylinder's second size is its half length, which breadth does not scale.
+            # The second size of capsule and cylinder is half their length, not a breadth.
             upright = model.geom_type[i] in (GEOM.mjGEOM_CAPSULE, GEOM.mjGEOM_CYLINDER)
             breadth = (blueprint.build, 1, 1) if upright else (blueprint.build, blueprint.build, 1)
             model.geom_size[i] = self._size[i] * k * np.array(breadth)

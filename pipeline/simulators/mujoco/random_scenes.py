@@ -1,4 +1,4 @@
-"""Random scenes for the base training set: random spawn, weather and people (thesis section 5.4)."""
+"""Random scenes for the base training set: spawn, weather and people (thesis section 5.4)."""
 
 from __future__ import annotations
 
@@ -23,11 +23,10 @@ from pipeline.scenarios.functional import (
 )
 from pipeline.scenarios.people import FIRST_RANDOM, fingerprint, population
 from pipeline.scenarios.streets import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
-
-from . import gait
-from .gait import ANIMATIONS
-from .lens import CameraSettings
-from .stage import Stage, weather_of
+from pipeline.simulators.mujoco import gait
+from pipeline.simulators.mujoco.gait import ANIMATIONS
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.stage import Stage, weather_of
 
 PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35
@@ -47,7 +46,11 @@ FLEET: tuple[VehicleKind, ...] = (
 
 @dataclass(frozen=True)
 class Scene:
-    """One labelled random image; attributes are its scenario variables, the town, the people, and the person's height and umbrella."""
+    """One labelled random image.
+
+    Attributes are its scenario variables, the town, the people, and the person's height and
+    umbrella.
+    """
 
     image: NDArray[np.uint8]
     truth: Truth
@@ -57,17 +60,21 @@ class Scene:
 def scenes(
     shard: int, count: int, base_set: BaseSet, settings: CameraSettings, held_out: Mapping[str, str]
 ) -> Iterator[Scene]:
-    """Yield `count` random scenes in one random urban town with one random population; a shard depends on seed, shard and rarity alone.
+    """Yield `count` random scenes in one random urban town with one random population.
 
-    All towns are urban: the suburban style is reserved for the held-out scenarios. held_out: fingerprint of a town or a population -> the
-    held-out scenario that has it; InputError if the random town or population is among them.
+    A shard depends on seed, shard and rarity alone.
+
+    All towns are urban: the suburban style is reserved for the held-out scenarios. held_out:
+    fingerprint of a town or a population -> the held-out scenario that has it; InputError if the
+    random town or population is among them.
     """
     rng = np.random.default_rng([base_set.seed, shard])
     town, people = _world(rng)
     for kind, drawn in (("town", town.fingerprint), ("people", fingerprint(people))):
         if drawn in held_out:
             raise InputError(
-                f"base_set.seed {base_set.seed} draws the {kind} of held-out {held_out[drawn]} for shard {shard}; choose another seed"
+                f"base_set.seed {base_set.seed} draws the {kind} of held-out {held_out[drawn]} "
+                f"for shard {shard}; choose another seed"
             )
     fleet = {
         f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7)))
@@ -88,37 +95,34 @@ def _world(rng: np.random.Generator) -> tuple[Town, int]:
 
 
 def _town(rng: np.random.Generator) -> Town:
-    """A random urban town: half have a junction, half of the others a bus bay, a third two lanes ahead."""
-    junction = (
-        Junction(x_m=float(rng.uniform(-10, 40)), side="left" if rng.random() < 0.5 else "right")
-        if rng.random() < 0.5
-        else None
-    )
+    """A random urban town: half have a junction, half of the rest a bus bay, a third two lanes."""
+    junction = None
+    if rng.random() < 0.5:
+        x_m = float(rng.uniform(-10, 40))
+        junction = Junction(x_m=x_m, side="left" if rng.random() < 0.5 else "right")
     bay = (-22.0, 4.0) if junction is None and rng.random() < 0.5 else None
     vegetation = str(rng.choice(["none", "left", "right", "both"], p=[0.4, 0.1, 0.1, 0.4]))
-    crosswalks = (
-        ({"street": "side", "at_m": float(rng.uniform(7, 12))},)
-        if junction and rng.random() < 0.7
-        else ()
-    )
-    described = {
-        "junction": junction,
-        "bus_bay": bay,
-        "vegetation": vegetation,
-        "crosswalks": crosswalks,
-    }
+    crosswalks = []
+    if junction and rng.random() < 0.7:
+        crosswalks.append({"street": "side", "at_m": float(rng.uniform(7, 12))})
     return Town.model_validate(
         {
             "style": "urban",
             "seed": int(rng.integers(1000, 2**31)),
             "lanes_ahead": 1 + int(rng.random() < 0.33),
-            **described,
+            "junction": junction,
+            "bus_bay": bay,
+            "vegetation": vegetation,
+            "crosswalks": tuple(crosswalks),
         }
     )
 
 
 def _conditions(people: int, rare: Rarity, rng: np.random.Generator) -> dict[str, Any]:
-    """Random values of the scenario variables, with what is known of the person. people: number of the population."""
+    """Random values of the scenario variables, with what is known of the person.
+
+    people: number of the population.
+    """
     persons = population(people)
     conditions: dict[str, Any] = {
         "people": fingerprint(people),
@@ -188,7 +192,10 @@ def _ego(town: Town, rng: np.random.Generator) -> Pose:
 
 
 def _park(stage: Stage, town: Town, ego: Pose, rng: np.random.Generator) -> list[Rectangle]:
-    """Place a random part of the fleet in front of the ego; returns the footprints of the vehicles in the scene."""
+    """Place a random part of the fleet in front of the ego.
+
+    Returns the footprints of the vehicles in the scene.
+    """
     placed = [Rectangle(ego, EGO_HALF_LENGTH_M + 1, EGO_HALF_WIDTH_M + 0.3)]
     vehicles: list[Rectangle] = []
     network = streets(town)
@@ -206,7 +213,7 @@ def _park(stage: Stage, town: Town, ego: Pose, rng: np.random.Generator) -> list
 
 
 def _lane(street: Street, kind: VehicleKind, ego: Pose, rng: np.random.Generator) -> Pose:
-    """A pose in a lane or at a kerb of the street: 6 to 60 m ahead on the main street, anywhere on a side street."""
+    """A pose in a lane or at a kerb: 6 to 60 m ahead, or anywhere on a side street."""
     half = HALF_LENGTHS_M[kind]
     u = ego.x + rng.uniform(6, 60) + half if street.name == "main" else rng.uniform(half + 1, 60)
     oncoming = street.middle + LANE_WIDTH / 2
@@ -225,7 +232,7 @@ def _lane(street: Street, kind: VehicleKind, ego: Pose, rng: np.random.Generator
 
 
 def _spot(ego: Pose, vehicles: list[Rectangle], rng: np.random.Generator) -> tuple[float, float]:
-    """The pedestrian's position: anywhere in view, often half hidden close behind or in front of a vehicle."""
+    """The pedestrian's position: anywhere in view, often half hidden behind or before a vehicle."""
     c, s = np.cos(ego.heading), np.sin(ego.heading)
     for _ in range(50):
         if vehicles and rng.random() < BESIDE_VEHICLE_SHARE:

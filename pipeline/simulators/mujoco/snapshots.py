@@ -1,4 +1,7 @@
-"""Single snapshots of the front-car domain (Cheng et al., section 5): a point fixes the conditions, everything else is random."""
+"""Single snapshots of the front-car domain (Cheng et al., section 5).
+
+A point fixes the conditions, everything else is random.
+"""
 
 from __future__ import annotations
 
@@ -15,23 +18,43 @@ from pipeline.errors import SimulationError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, HALF_LENGTHS_M, Actor, VehicleKind
 from pipeline.scenarios.people import population
 from pipeline.scenarios.streets import LANE_WIDTH, Street, Town, streets
-
-from . import gait
-from .lens import CameraSettings
-from .pedestrian import GROUP
-from .stage import Stage
-from .weather import Weather
+from pipeline.simulators.mujoco import gait
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.pedestrian import GROUP
+from pipeline.simulators.mujoco.stage import Stage
+from pipeline.simulators.mujoco.weather import Weather
 
 CLASSES = (
-    "sky", "road", "lane marking", "pavement", "terrain", "building", "vegetation", "street furniture", "pedestrian", "other vehicle",
-    "forward vehicle", "oncoming vehicle",
-)  # fmt: skip
+    "sky",
+    "road",
+    "lane marking",
+    "pavement",
+    "terrain",
+    "building",
+    "vegetation",
+    "street furniture",
+    "pedestrian",
+    "other vehicle",
+    "forward vehicle",
+    "oncoming vehicle",
+)
 """Classes of the segmentation, by number."""
 MATERIALS = {
-    "road": "road", "marking": "lane marking", "pavement": "pavement", "kerb": "pavement", "grass": "terrain", "gravel": "terrain",
-    "leaves": "vegetation", "hedge": "vegetation", "wall": "building", "ground": "building", "roof": "building", "window_light": "building",
-}  # fmt: skip
-"""Class of a surface by the prefix of its material's name; all other surfaces are street furniture."""
+    "road": "road",
+    "marking": "lane marking",
+    "pavement": "pavement",
+    "kerb": "pavement",
+    "grass": "terrain",
+    "gravel": "terrain",
+    "leaves": "vegetation",
+    "hedge": "vegetation",
+    "wall": "building",
+    "ground": "building",
+    "roof": "building",
+    "window_light": "building",
+}
+"""Class of a surface by the prefix of its material's name; all other surfaces are street
+furniture."""
 FLEET: tuple[VehicleKind, ...] = (
     "hatchback",
     "saloon",
@@ -59,7 +82,14 @@ Point = Mapping[str, str]
 
 @dataclass(frozen=True)
 class Snapshot:
-    """image: (h, w, 3) RGB. classes: (h, w) numbers of CLASSES. truth: the forward vehicle. attributes: the point and its weather."""
+    """One labelled image.
+
+    Attributes:
+        image: (h, w, 3) RGB.
+        classes: (h, w) numbers of CLASSES.
+        truth: the forward vehicle.
+        attributes: the point and its weather.
+    """
 
     image: NDArray[np.uint8]
     classes: NDArray[np.uint8]
@@ -70,9 +100,10 @@ class Snapshot:
 def snapshots(
     town_seed: int, shots: list[tuple[Point, tuple[int, ...]]], settings: CameraSettings
 ) -> Iterator[Snapshot]:
-    """Yield a snapshot for each point and seed, all in one town; the points must agree on lanes and lane orientation.
+    """Yield a snapshot for each point and seed, all in one town.
 
-    A snapshot depends only on the town, its point and its own seed.
+    The points must agree on lanes and lane orientation. A snapshot depends only on the town, its
+    point and its own seed.
     """
     rng = np.random.default_rng(town_seed)
     town = _town(shots[0][0], rng)
@@ -122,10 +153,10 @@ class _Photographer:
             forward, oncoming = self._arrange(point, rng)
             image, _ = self._stage.shoot(rng)
             classes = self._stage.camera.segment(self._classes(forward, oncoming))
-            shown = [
-                (classes == CLASSES.index(f"{which} vehicle")).sum() >= MIN_PIXELS
-                for which in ("forward", "oncoming")
-            ]
+            shown = []
+            for which in ("forward", "oncoming"):
+                pixels = (classes == CLASSES.index(f"{which} vehicle")).sum()
+                shown.append(bool(pixels >= MIN_PIXELS))
             if shown == [forward is not None, oncoming is not None]:
                 truth = self._stage.camera.truth_of(
                     image, classes == CLASSES.index("forward vehicle")
@@ -164,7 +195,7 @@ class _Photographer:
         return forward, oncoming
 
     def _others(self, names: list[str], point: Point, u: float, rng: np.random.Generator) -> None:
-        """Other road users: a car in the other lane ahead, cars in the lay-by, a pedestrian on the pavement."""
+        """Other road users: a car in the next lane, cars in the lay-by, a person on the pavement."""
         stage, street = self._stage, self._street
         if point["lanes"] == "2" and rng.random() < BESIDE_SHARE:
             beside = LANE_WIDTH / 2 if point["current_lane"] == "1" else -LANE_WIDTH / 2

@@ -14,13 +14,12 @@ from pipeline.core.truth import Truth
 from pipeline.scenarios.functional import Actor
 from pipeline.scenarios.people import Blueprint, person
 from pipeline.scenarios.streets import Town
-
-from . import gait, world
-from .camera import Camera
-from .furniture import lamp_positions
-from .lens import CameraSettings
-from .pedestrian import Pedestrian
-from .weather import Weather
+from pipeline.simulators.mujoco import gait, model
+from pipeline.simulators.mujoco.camera import Camera
+from pipeline.simulators.mujoco.furniture import lamp_positions
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.pedestrian import Pedestrian
+from pipeline.simulators.mujoco.weather import Weather
 
 
 class Stage:
@@ -32,7 +31,7 @@ class Stage:
     walker: Blueprint
 
     def __init__(self, town: Town, actors: Mapping[str, Actor], settings: CameraSettings) -> None:
-        self.model = world.describe(
+        self.model = model.describe(
             town, actors, settings.vfov_deg, settings.width, settings.height
         ).compile()
         self.data = mujoco.MjData(self.model)
@@ -42,7 +41,7 @@ class Stage:
         self._mocap = {name: int(self.model.body(name).mocapid[0]) for name in ("ego", *actors)}
 
     def reset(self, weather: Weather, blueprint: str) -> None:
-        """Begin a new episode: everything at rest, the pedestrian dressed as the named person, the weather set."""
+        """Begin an episode: everything at rest, the pedestrian dressed as the named person."""
         mujoco.mj_resetData(self.model, self.data)
         self.walker = person(blueprint)
         self.pedestrian.dress(self.walker)
@@ -51,11 +50,14 @@ class Stage:
     def launch(
         self, travelled_m: float, speed_mps: float, full_brake_mps2: float, build_up_s: float
     ) -> None:
-        """Start the ego at a speed, at a distance in metres along its route; its brake gives `full_brake_mps2` behind a first-order lag."""
+        """Start the ego at a speed, at a distance in metres along its route.
+
+        Its brake gives `full_brake_mps2` behind a first-order lag.
+        """
         brake = self.model.actuator("brake")
         brake.gainprm[0], brake.dynprm[0] = (
-            -world.EGO_MASS_KG * full_brake_mps2,
-            max(build_up_s, world.TIMESTEP_S),
+            -model.EGO_MASS_KG * full_brake_mps2,
+            max(build_up_s, model.TIMESTEP_S),
         )
         self.data.qpos[self._travelled.qposadr[0]] = travelled_m
         self.data.qvel[self._travelled.dofadr[0]] = speed_mps
@@ -72,8 +74,8 @@ class Stage:
     def step(self, brake: float) -> None:
         """Advance the ego by one timestep under a brake demand in [0, 1].
 
-        A negative speed is set to zero only after the step, so a stopped ego creeps back while the brake is held: 24 mm in 120 steps at
-        8 m/s2.
+        A negative speed is set to zero only after the step, so a stopped ego creeps back while the
+        brake is held: 24 mm in 120 steps at 8 m/s2.
         """
         self.data.ctrl[0] = brake
         mujoco.mj_step(self.model, self.data)

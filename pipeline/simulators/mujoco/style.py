@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from . import textures
+from pipeline.simulators.mujoco import textures
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Procedural textures: seeds paint every surface of the towns, so the repository holds no images."""
+"""Procedural textures: seeds paint every surface, so the repository holds no images."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _window(
 def ground_floor(
     wall: Colour, shops: bool, rng: np.random.Generator, height: int = 128, width: int = 512
 ) -> Image:
-    """One ground floor, 3.5 m high and 14 m wide: shop fronts with awnings, or doors and windows."""
+    """One ground floor, 3.5 m by 14 m: shop fronts with awnings, or doors and windows."""
     image = tinted(wall, noise((height, width), rng), 5)
     units = 4
     for unit in range(units):

@@ -1,7 +1,9 @@
-"""Builds the streets of a town: ground, kerbs and markings here; houses, trees and furniture in their own modules.
+"""Builds the streets of a town: ground, kerbs and markings here.
 
-Each street is a body of the model and everything is placed in its frame: u along the street, v to its left, z up, metres. A curved street
-is built straight and then bent.
+Houses, trees and furniture in their own modules.
+
+Each street is a body of the model and everything is placed in its frame: u along the street, v to
+its left, z up, metres. A curved street is built straight and then bent.
 """
 
 from __future__ import annotations
@@ -24,10 +26,9 @@ from pipeline.scenarios.streets import (
     Town,
     streets,
 )
-
-from . import bending, buildings, furniture, textures, vegetation
-from .mesh import Mesh, Site, place
-from .style import STYLES, Style
+from pipeline.simulators.mujoco import bending, buildings, furniture, textures, vegetation
+from pipeline.simulators.mujoco.mesh import Mesh, Site, place
+from pipeline.simulators.mujoco.style import STYLES, Style
 
 Strip = tuple[float, float, float]
 """From u, to u, distance of the kerb from the axis."""
@@ -127,7 +128,7 @@ def _pavement_strips(street: Street, side: int) -> Iterator[Strip]:
     cuts = sorted((gap.start, gap.end) for gap in street.gaps if gap.side == side)
     if side < 0 and street.bay:
         cuts = sorted([*cuts, street.bay])
-        # More pavement behind the strips beside the bay, so that no lawn shows between bay and houses.
+        # More pavement behind the strips beside the bay: no lawn shows between bay and houses.
         outer = sorted((gap.start, gap.end) for gap in street.gaps if gap.side == side)
         for u0, u1 in _between(start, street.end, outer):
             yield u0, u1, street.edge(-1)
@@ -148,7 +149,10 @@ def _between(
 
 
 def _kerbed(surfaces: _Surfaces, side: int, strip: Strip, cell: float) -> None:
-    """A strip of pavement with its kerbstone and the upright faces, in cells of `cell` metres, towards the road and at both ends."""
+    """A strip of pavement with its kerbstone, in cells of `cell` metres.
+
+    It has upright faces towards the road and at both ends.
+    """
     pavement, kerb, (u0, u1, edge) = surfaces.pavement, surfaces.kerb, strip
     inner, outer = side * edge, side * (edge + PAVEMENT_WIDTH)
     low, high = min(inner, outer), max(inner, outer)
@@ -179,9 +183,12 @@ def _kerbed(surfaces: _Surfaces, side: int, strip: Strip, cell: float) -> None:
 
 
 def _corner(surfaces: _Surfaces, u: float, v: float, inwards: int, side: int) -> None:
-    """The rounded corner where a side street begins: asphalt in the square, pavement in the quarter disc around its far corner.
+    """The rounded corner where a side street begins.
 
-    u, v: where the kerb of this street ends. inwards: 1 if the mouth lies at larger u. side: of the side street.
+    Asphalt fills the square, pavement the quarter disc around its far corner.
+
+    u, v: where the kerb of this street ends. inwards: 1 if the mouth lies at larger u. side: of the
+    side street.
     """
     road, pavement, kerb = surfaces.road, surfaces.pavement, surfaces.kerb
     low_u, low_v = min(u, u + inwards * CORNER_RADIUS), min(v, v + side * CORNER_RADIUS)

@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 
 from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
-
-from .mesh import Mesh, Site, loft
-from .style import Style
+from pipeline.simulators.mujoco.mesh import Mesh, Site, loft
+from pipeline.simulators.mujoco.style import Style
 
 GEOM = mujoco.mjtGeom
 
@@ -45,9 +44,13 @@ def add_tree(body: mujoco.MjsBody, u: float, v: float, i: int, rng: np.random.Ge
         material="bark",
     )
     body.add_geom(
-        type=GEOM.mjGEOM_MESH, meshname=f"crown{i % 3}", pos=(u, v, height + rng.uniform(1.3, 1.7)),
-        quat=(np.cos(angle / 2), 0, 0, np.sin(angle / 2)), material="leaves", castshadow=i % 2 == 0,
-    )  # fmt: skip
+        type=GEOM.mjGEOM_MESH,
+        meshname=f"crown{i % 3}",
+        pos=(u, v, height + rng.uniform(1.3, 1.7)),
+        quat=(np.cos(angle / 2), 0, 0, np.sin(angle / 2)),
+        material="leaves",
+        castshadow=i % 2 == 0,
+    )
 
 
 def declare_crowns(spec: mujoco.MjSpec, style: Style, rng: np.random.Generator) -> None:

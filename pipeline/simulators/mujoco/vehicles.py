@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.scenarios.functional import HALF_LENGTHS_M, VehicleKind
-
-from . import textures
-from .mesh import Mesh, loft
+from pipeline.simulators.mujoco import textures
+from pipeline.simulators.mujoco.mesh import Mesh, loft
 
 GEOM = mujoco.mjtGeom
 PAINTS = (

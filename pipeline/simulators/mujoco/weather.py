@@ -9,20 +9,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.core.visibility import visual_range_m
-
-from .textures import noise
+from pipeline.simulators.mujoco.textures import noise
 
 Floats = NDArray[np.float64]
 LAMPS_ON_BELOW_DEG = 0.0
 SUN_DEG, OUTDOORS_LX = (-12.0, -6.0, 0.0, 10.0), (0.008, 3.4, 400.0, 13700.0)
-"""Illuminance of the ground under a clear sky at altitudes of the sun: the twilights' limits from the Glossary of Meteorology (American
-Meteorological Society), 10 degrees from Haurwitz' clear-sky irradiance at 100 lm/W."""
+"""Illuminance of the ground under a clear sky at altitudes of the sun: the twilights' limits from
+the Glossary of Meteorology (American Meteorological Society), 10 degrees from Haurwitz' clear-sky
+irradiance at 100 lm/W."""
 LAMPS_LX = 30.0
 """Illuminance that headlights and street lamps give the road ahead."""
 EXPOSURE_POWER = 0.12
-"""Grey levels rise with this power of the illuminance: the camera's exposure reduces six decades of light to a range of 1 to 6."""
+"""Grey levels rise with this power of the illuminance: the camera's exposure reduces six decades of
+light to a range of 1 to 6."""
 RANGE_CONTRAST = 0.05
-"""Contrast left at the visual range (Koschmieder, as the meteorological optical range is defined)."""
+"""Contrast left at the visual range (Koschmieder, as the meteorological optical range is
+defined)."""
 SKY_SIZE = 128
 
 
@@ -35,8 +37,8 @@ def mix(a: ArrayLike, b: ArrayLike, share: float) -> Floats:
 class Weather:
     """Weather and time of day.
 
-    rain, fog: %, 0 to 100. sun_azimuth: degrees in the world frame, 0 along x, 90 to the left. sun_altitude: degrees. clouds: %, 0 to 100,
-    of a dry sky; rain and fog add their own.
+    rain, fog: %, 0 to 100. sun_azimuth: degrees in the world frame, 0 along x, 90 to the left.
+    sun_altitude: degrees. clouds: %, 0 to 100, of a dry sky; rain and fog add their own.
     """
 
     rain: float = 0.0
@@ -47,18 +49,24 @@ class Weather:
 
     @property
     def night(self) -> bool:
-        """Whether street lamps and headlights are on; everything that depends on them uses this condition."""
+        """Whether street lamps and headlights are on.
+
+        Everything that depends on them uses this condition.
+        """
         return self.sun_altitude < LAMPS_ON_BELOW_DEG
 
     @property
     def daylight(self) -> float:
-        """0 once nautical twilight has ended, at -12 degrees; 1 with the sun at 10 degrees or higher."""
+        """0 once nautical twilight has ended, at -12 degrees.
+
+        1 with the sun at 10 degrees or higher.
+        """
         dark, full = _exposed(OUTDOORS_LX[0]), _exposed(OUTDOORS_LX[-1])
         return (_exposed(self._outdoors_lx) - dark) / (full - dark)
 
     @property
     def lamplight(self) -> float:
-        """Share of the lamps' light that shows beside daylight: 0 by day and just after sunset, 1 at night."""
+        """Share of the lamps' light that shows: 0 by day and just after sunset, 1 at night."""
         if not self.night:
             return 0.0
         outdoors, dark = self._outdoors_lx, OUTDOORS_LX[0]
@@ -123,7 +131,10 @@ def _exposed(illuminance_lx: float) -> float:
 
 
 class WeatherControl:
-    """Applies a weather to a compiled model; sets everything each time, so that no episode affects the next."""
+    """Applies a weather to a compiled model.
+
+    Sets everything each time, so that no episode affects the next.
+    """
 
     def __init__(self, model: mujoco.MjModel, lamps: Floats) -> None:
         self._model, self._lamps = model, lamps
@@ -161,7 +172,7 @@ class WeatherControl:
         self._paint_sky(weather, context)
 
     def _light_lamps(self, weather: Weather) -> None:
-        """Fog and rain dim the lamps' light on its way: an exponential, to the second order that OpenGL's attenuation offers."""
+        """Fog and rain dim the lamps' light: an exponential, to the second order of OpenGL."""
         model, lamps, extinction = self._model, self._street + self._heads, weather.extinction_per_m
         model.light_active[lamps] = weather.night
         for name in ("light_diffuse", "light_specular"):
@@ -180,7 +191,10 @@ class WeatherControl:
         model.mat_specular[road], model.mat_shininess[road] = 0.1 + 0.6 * wet, 0.3 + 0.4 * wet
 
     def follow(self, place: Floats, ahead: Floats, weather: Weather) -> None:
-        """Move the sun's shadow box and the few lights that MuJoCo allows with the ego; place, ahead: (2,) metres."""
+        """Move the sun's shadow box and the few lights that MuJoCo allows with the ego.
+
+        Place, ahead: (2,) metres.
+        """
         model = self._model
         model.light_pos[self._sun] = (
             np.array([*(place + 20 * ahead), 0]) + 45 * weather.sun_direction

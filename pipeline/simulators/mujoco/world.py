@@ -1,114 +1,103 @@
-"""One compiled MuJoCo model of a functional scenario: streets, vehicles, pedestrian, ego with camera and lights."""
+"""The rendered world: what the camera sees and how the road users move. It judges nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
-import mujoco
 import numpy as np
 
-from pipeline.scenarios.functional import Actor
-from pipeline.scenarios.streets import Town
-
-from . import pedestrian, town, vehicles
-
-EGO_MASS_KG = 1500.0
-TIMESTEP_S = 0.005
-CAMERA_X_M, CAMERA_Z_M = 0.5, 1.35
-STREET_LIGHTS = 4
-HEADLIGHTS_M = {"head_left": (2.3, 0.65, 0.7), "head_right": (2.3, -0.65, 0.7)}
-"""Of each lamp in the ego's frame: x ahead, y left, z up."""
-HEADLIGHT_AXIS, HEADLIGHT_CUTOFF_DEG, HEADLIGHT_EXPONENT, HEADLIGHT_COLOUR = (
-    (1.0, 0.0, -0.035),
-    34.0,
-    9.0,
-    (1.5, 1.48, 1.35),
-)
-HEADLIGHT_FADE = 0.0016
-"""Loss with the square of the distance in metres: flatter than the inverse square, as the exposure flattens what a camera shows."""
-SHADOW_MAP = 1024
+from pipeline.core.braking import Vehicle
+from pipeline.core.encounter import Encounter, RoadUsers
+from pipeline.core.ground import Pinhole
+from pipeline.core.interfaces import Observation
+from pipeline.core.space import Value
+from pipeline.protocols import Admitted
+from pipeline.scenarios.functional import FunctionalScenario
+from pipeline.simulators.mujoco import gait
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.model import CAMERA_X_M, CAMERA_Z_M, TIMESTEP_S
+from pipeline.simulators.mujoco.stage import Stage, weather_of
 
 
-def describe(
-    layout: Town, actors: Mapping[str, Actor], fovy_deg: float, width: int, height: int
-) -> mujoco.MjSpec:
-    """A world, ready to compile; `actors` become mocap bodies with those names."""
-    spec = mujoco.MjSpec()
-    _settings(spec, width, height)
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        width=128,
-        height=768,
-    )
-    town.add(spec, layout)
-    vehicles.declare(spec, layout.style, np.random.default_rng([11, layout.seed]))
-    for name, actor in actors.items():
-        vehicles.add(spec, name, actor.kind, actor.paint)
-    pedestrian.add(spec)
-    _lights(spec)
-    _ego(spec, fovy_deg)
-    return spec
+class MujocoWorld:
+    """One functional scenario in MuJoCo; see `pipeline.protocols.World`."""
 
+    needs: ClassVar[Mapping[str, Admitted]] = {
+        **dict.fromkeys(("rain", "fog"), (0.0, 100.0)),
+        "sun_azimuth": (0.0, 360.0),
+        "sun_altitude": (-90.0, 90.0),
+        "pedestrian_shift": (-20.0, 20.0),
+        "pedestrian_speed": (0.0, 10.0),
+        "animation": gait.ANIMATIONS,
+        "blueprint": (),
+    }
+    """The variables that a scenario must have."""
+    closed: ClassVar[bool] = True
 
-def _settings(spec: mujoco.MjSpec, width: int, height: int) -> None:
-    spec.option.timestep = TIMESTEP_S
-    spec.option.gravity = (0, 0, 0)  # The height of all road users is prescribed.
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    spec.default.geom.contype = spec.default.geom.conaffinity = (
-        0  # Contact is judged on footprints; flat meshes have no hull.
-    )
-    spec.stat.extent, spec.stat.center = 1, (0, 0, 0)  # Makes near, far and shadow sizes metres.
-    visual = spec.visual
-    visual.global_.offwidth, visual.global_.offheight = width, height
-    quality = visual.quality
-    quality.shadowsize, quality.offsamples = SHADOW_MAP, 0
-    quality.numslices, quality.numstacks, quality.numquads = 10, 6, 2
-    visual.map.znear, visual.map.zfar = 0.2, 260
-    visual.map.shadowclip, visual.map.shadowscale = 32, 0.6
-    visual.headlight.active = 1
-    visual.headlight.diffuse = visual.headlight.specular = (0, 0, 0)
+    def __init__(
+        self,
+        scenario: FunctionalScenario,
+        vehicle: Vehicle,
+        camera: CameraSettings | None = None,
+    ) -> None:
+        settings = camera or CameraSettings()
+        self._scenario, self._vehicle = scenario, vehicle
+        self._stage = Stage(scenario.town, scenario.actors, settings)
+        self._route = scenario.ego.route()
+        self._actors = {name: (actor, actor.route()) for name, actor in scenario.actors.items()}
+        self.frame_s, self.step_s = 1 / settings.rate_hz, TIMESTEP_S
+        self.camera = Pinhole(
+            settings.width, settings.height, self._stage.camera.focal_px, CAMERA_X_M, CAMERA_Z_M
+        )
 
+    def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
+        """Begin a test; see `pipeline.protocols.World.reset`."""
+        self._time_s, self._rng = 0.0, np.random.default_rng(seed)
+        self._speed_mps = float(concrete["pedestrian_speed"])
+        self._shift_m = float(concrete["pedestrian_shift"])
+        self._animation = str(concrete["animation"])
+        rain = float(concrete["rain"])
+        self._stage.reset(weather_of(concrete), str(concrete["blueprint"]))
+        self._stage.launch(
+            self._scenario.start_s(),
+            self._scenario.ego.speed_kmh / 3.6,
+            self._vehicle.full_brake_mps2(rain),
+            self._vehicle.build_up_s,
+        )
+        return self._scenario.encounter(rain)
 
-def _lights(spec: mujoco.MjSpec) -> None:
-    kind = mujoco.mjtLightType
-    spec.worldbody.add_light(
-        name="sun",
-        type=kind.mjLIGHT_DIRECTIONAL,
-        pos=(0, 0, 40),
-        dir=(0, 0, -1),
-        castshadow=True,
-        ambient=(0, 0, 0),
-    )
-    for i in range(STREET_LIGHTS):
-        spec.worldbody.add_light(
-            name=f"street{i}", type=kind.mjLIGHT_SPOT, pos=(0, 0, 6.0), dir=(0, 0, -1), cutoff=70, exponent=2,
-            attenuation=(1, 0, 0.012), castshadow=False, diffuse=(1.7, 1.4, 0.95), ambient=(0, 0, 0), specular=(0.3, 0.25, 0.2),
-        )  # fmt: skip
+    def observe(self) -> Observation:
+        """Render the present state; see `pipeline.protocols.World.observe`."""
+        users, stage = self._users(), self._stage
+        if users.pedestrian is None:
+            stage.pedestrian.hide()
+        else:
+            phase = gait.phase(self._time_s * self._speed_mps, self._speed_mps, stage.walker)
+            posture = gait.pose(self._animation, phase, self._speed_mps, stage.walker)
+            stage.place_pedestrian(users.pedestrian, posture)
+        stage.put("ego", users.ego)
+        for name, (actor, route) in self._actors.items():
+            stage.put(name, route.at(actor.travelled(self._time_s)))
+        image, truth = stage.shoot(self._rng)
+        return Observation(image, truth, users)
 
+    def advance(self, seconds: float, acceleration_mps2: float) -> RoadUsers:
+        """Advance by one time step of MuJoCo; see `pipeline.protocols.World.advance`."""
+        # A brake demand is a score, which has single precision: this gives back the same number.
+        self._stage.step(float(np.float32(-acceleration_mps2 / self._vehicle.full_brake_mps2(0))))
+        self._time_s = round(self._time_s + seconds, 9)
+        return self._users()
 
-def _ego(spec: mujoco.MjSpec, fovy_deg: float) -> None:
-    """The ego: a mass that travels along its route, braked by a motor behind a first-order lag, and a body that follows the mass.
+    def close(self) -> None:
+        """Free the GL context."""
+        self._stage.close()
 
-    The mass has one degree of freedom, the metres travelled. The body carries the camera and the headlights.
-    """
-    mass = spec.worldbody.add_body(
-        name="ego_mass", mass=EGO_MASS_KG, inertia=(500, 2000, 2000), explicitinertial=True
-    )
-    mass.add_joint(name="ego_travelled", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1, 0, 0))
-    ego = spec.worldbody.add_body(name="ego", mocap=True)
-    # MuJoCo's cameras look along their -z: this turns x to the right and y up, seen along the ego's x.
-    ego.add_camera(
-        name="camera", pos=(CAMERA_X_M, 0, CAMERA_Z_M), quat=(0.5, 0.5, -0.5, -0.5), fovy=fovy_deg
-    )
-    for name, position in HEADLIGHTS_M.items():
-        ego.add_light(
-            name=name, type=mujoco.mjtLightType.mjLIGHT_SPOT, pos=position, dir=HEADLIGHT_AXIS, cutoff=HEADLIGHT_CUTOFF_DEG,
-            exponent=HEADLIGHT_EXPONENT, attenuation=(1, 0, HEADLIGHT_FADE), castshadow=False, diffuse=HEADLIGHT_COLOUR,
-            ambient=(0, 0, 0), specular=(0.2, 0.2, 0.2),
-        )  # fmt: skip
-    brake = spec.add_actuator(
-        name="brake", target="ego_travelled", trntype=mujoco.mjtTrn.mjTRN_JOINT
-    )
-    brake.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+    def _users(self) -> RoadUsers:
+        travelled, pedestrian = self._stage.travelled, None
+        if self._scenario.has_pedestrian:
+            pedestrian = self._scenario.pedestrian_pose(
+                self._time_s, self._speed_mps, self._shift_m
+            )
+        ego = self._route.at(travelled)
+        return RoadUsers(self._time_s, travelled, ego, self._stage.ego_speed, pedestrian)
