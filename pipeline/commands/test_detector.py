@@ -135,8 +135,7 @@ def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> 
 
 def check(config: Config, models: Sequence[Path]) -> None:
     """Run each detector on three images in a process of its own; InputError that names the first rule of its contract that one violates."""
-    from pipeline.execution.pool import Pool
-    from pipeline.execution.worker import Broken
+    from pipeline.execution.worker import Broken, Pool
 
     with Pool(1, partial(_checker, config), config.limits) as pool:
         for index, outcome in pool.run(models):

@@ -13,30 +13,39 @@ from pipeline.protocols import Detector, Simulator
 
 
 class GuardedDetector:
-    """A detector that turns exceptions of foreign code into errors, and shows from outside when it is at work.
+    """A detector whose exceptions become errors of one test, and that shows when it is at work.
 
-    calls: raised by one before and after each frame.
+    Args:
+        detector: the foreign detector.
+        calls: counter shared with the parent, incremented before and after each frame; odd means
+            busy.
     """
 
     def __init__(self, detector: Detector, calls: Calls) -> None:
         self._detector, self._calls = detector, calls
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the detector's result; SimulationError for any exception but InputError and the machine's, which end the campaign."""
+        """Return the detector's result.
+
+        Raises:
+            SimulationError: for any exception but InputError and the machine's, which end the
+                campaign.
+        """
         self._calls.value += 1
         try:
-            found = self._detector.detect(frame)
+            detections = self._detector.detect(frame)
         except (InputError, SimulationError):
             raise
         except BaseException as error:  # SystemExit, too, is foreign code's.
             raise failed(self._detector, "detect", error) from error
         finally:
             self._calls.value += 1
-        if not isinstance(found, Detections):
+        if not isinstance(detections, Detections):
             raise SimulationError(
-                f"{type(self._detector).__name__}.detect must return Detections, got {type(found).__name__}"
+                f"{type(self._detector).__name__}.detect must return Detections, "
+                f"got {type(detections).__name__}"
             )
-        return found
+        return detections
 
 
 class GuardedSimulator:
@@ -52,7 +61,12 @@ class GuardedSimulator:
         keep_every: int = 0,
         noise: Mapping[str, Value] | None = None,
     ) -> Episode:
-        """Return the episode; SimulationError for any exception but InputError and the machine's, which end the campaign."""
+        """Return the episode.
+
+        Raises:
+            SimulationError: for any exception but InputError and the machine's, which end the
+                campaign.
+        """
         try:
             return self._simulator.execute(
                 concrete, detector, keep_every, **({} if noise is None else {"noise": noise})

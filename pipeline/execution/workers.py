@@ -1,4 +1,7 @@
-"""Executes concrete scenarios in spawned worker processes; the results do not depend on the number of workers."""
+"""Executes concrete scenarios in worker processes, each with its own simulator and detector.
+
+The results do not depend on the number of workers.
+"""
 
 from __future__ import annotations
 
@@ -18,20 +21,27 @@ from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.schema import Config
 from pipeline.config.sections import Limits
 from pipeline.core.car import Car
+from pipeline.core.episode import Episode
 from pipeline.core.space import Value
 from pipeline.detectors.calibrated import as_tested
-from pipeline.errors import SimulationError
+from pipeline.errors import InputError, SimulationError
 from pipeline.execution import journal
 from pipeline.execution.guarded import GuardedDetector, GuardedSimulator
 from pipeline.execution.journal import Outcome
-from pipeline.execution.pool import Pool
-from pipeline.execution.worker import Broken, Calls
+from pipeline.execution.worker import Broken, Calls, Pool
 from pipeline.scenarios.functional import FunctionalScenario
 
 
 @dataclass(frozen=True)
 class Execution:
-    """One test to execute: its index, the path of its outcome, the concrete scenario, and the one whose noise it has, None for its own."""
+    """One test to execute.
+
+    Args:
+        index: number of the test in its campaign.
+        path: file for its outcome.
+        concrete: the concrete scenario.
+        noise: scenario that seeds the random noise; None means this one.
+    """
 
     index: int
     path: Path
@@ -43,7 +53,14 @@ class Execution:
 class Setup:
     """What every process executes tests with.
 
-    simulator, detector: sections of the config. model: the detector's file. limits: of a test. keep_every: see `Simulator.execute`.
+    Args:
+        simulator: section of the config.
+        scenario: the functional scenario.
+        detector: section of the config.
+        model: the detector's file.
+        car: the car's constants.
+        limits: of a test.
+        keep_every: see `Simulator.execute`.
     """
 
     simulator: Mapping[str, Any]
@@ -63,7 +80,14 @@ class Setup:
         *,
         keep_every: int = 0,
     ) -> Setup:
-        """The setup of a study's scenario, by name. calibration: of the model, if the study calibrates it."""
+        """The setup of a study's scenario.
+
+        Args:
+            scenario: its name.
+            model: the detector's file.
+            calibration: of the model, if the study calibrates it.
+            keep_every: see `Simulator.execute`.
+        """
         detector = as_tested(config.detector, calibration)
         return Setup(
             config.simulator,
@@ -77,7 +101,7 @@ class Setup:
 
     @staticmethod
     def recorded(folders: Folders, scenario: str, version: str, *, keep_every: int = 0) -> Setup:
-        """The setup with which a study has tested a version: its detector, calibrated as then."""
+        """The setup with which a study tested a version, with the calibration of that time."""
         calibration = read_calibration(folders.calibrations([version]))
         return Setup.of(
             folders.config,
@@ -112,7 +136,7 @@ class Workers:
     def execute(self, jobs: Sequence[Execution]) -> Iterator[int]:
         """Execute the jobs, in any order; yields the index of each when its outcome is written.
 
-        A test whose process breaks is an error; see `Pool.run` for those that are executed again first.
+        A test whose process breaks is an error; `Pool.run` executes some of them again first.
         """
         for number, result in self._pool.run(jobs):
             job = jobs[number]
@@ -145,5 +169,30 @@ def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
         except SimulationError as error:
             outcome = Outcome.error(str(error), time.perf_counter() - started)
         journal.write(job.path, outcome, job.concrete)
+
+    return execute
+
+
+def episode(setup: Setup, concrete: Mapping[str, Value]) -> Episode:
+    """The episode of one concrete scenario, in a process with the limits of a test.
+
+    Raises:
+        InputError: if it fails or is over a limit.
+    """
+    with Pool(1, partial(_episode_maker, setup), setup.limits) as pool:
+        _, result = next(pool.run([concrete]))
+    if isinstance(result, Broken):
+        raise InputError(f"the scenario cannot be executed: {result.reason}")
+    return result
+
+
+def _episode_maker(setup: Setup, calls: Calls) -> Callable[[Mapping[str, Value]], Episode]:
+    simulator, detector = guarded(setup, calls)
+
+    def execute(concrete: Mapping[str, Value]) -> Episode:
+        try:
+            return simulator.execute(concrete, detector, setup.keep_every)
+        except SimulationError as error:
+            raise InputError(f"the scenario cannot be executed: {error}") from error
 
     return execute
