@@ -1,4 +1,7 @@
-"""Constraints of ACTS models: =>, ||, &&, !, comparisons and +, -, *, % of parameters, as expressions."""
+"""Constraints of ACTS models.
+
+=>, ||, &&, !, comparisons and +, -, *, % of parameters, as expressions.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,8 @@ from pipeline.core.expressions import Every, Expression, Not, Some
 from pipeline.core.names import nearest
 
 TOKEN = re.compile(
-    r"""\s*(?:(?P<text>"[^"]*")|(?P<number>\d+\.?\d*|\.\d+)|(?P<name>[^\W\d]\w*)|(?P<sign>=>|&&|\|\||==|!=|<=|>=|[=<>!+\-*/%()]))"""
+    r"""\s*(?:(?P<text>"[^"]*")|(?P<number>\d+\.?\d*|\.\d+)|(?P<name>[^\W\d]\w*)|"""
+    r"""(?P<sign>=>|&&|\|\||==|!=|<=|>=|[=<>!+\-*/%()]))"""
 )
 COMPARED: dict[str, Callable[[Any, Any], Any]] = {
     "=": operator.eq,
@@ -55,7 +59,10 @@ class Typed:
 
 @dataclass(frozen=True)
 class Operand:
-    """A number, text or truth value: computed from the values of parameters, which are given in this order."""
+    """A number, text or truth value.
+
+    Computed from the values of parameters, which are given in this order.
+    """
 
     kind: type
     parameters: tuple[int, ...]
@@ -79,7 +86,8 @@ def _tokens(text: str) -> list[tuple[str, str]]:
     while place < len(text):
         if (match := TOKEN.match(text, place)) is None:
             raise ValueError(
-                f"expected names, numbers, texts in double quotes and operators, got {text[place : place + 20].strip()!r}"
+                "expected names, numbers, texts in double quotes and operators, got "
+                f"{text[place : place + 20].strip()!r}"
             )
         tokens.append((str(match.lastgroup), match[0].strip()))
         place = match.end()
@@ -143,7 +151,8 @@ class _Parser:
         while self.next[0] == "sign" and self.next[1] in signs:
             if (sign := self._take()) == "/":
                 raise ValueError(
-                    "the division / is not read, because ACTS rounds it; multiply the other side instead"
+                    "the division / is not read, because ACTS rounds it; multiply the other side "
+                    "instead"
                 )
             second = part()
             if (

@@ -1,4 +1,7 @@
-"""Models of ACTS, NIST's tool for combinatorial testing, as spaces: its text form and its XML form."""
+"""Models of ACTS, NIST's tool for combinatorial testing, as spaces.
+
+Its text form and its XML form.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,8 @@ PARAMETER = re.compile(r"(?P<name>[^(:]+?)\s*(\((?P<kind>[^)]*)\))?\s*:(?P<value
 KINDS = {"0": "int", "1": "enum", "2": "boolean"}
 """The numbers of the types in the XML form."""
 REFUSED = {
-    "relation": "relations have strengths of their own; a space has one for all, given by --strength",
+    "relation": "relations have strengths of their own; a space has one for all, "
+    "given by --strength",
     "test set": "existing tests are no part of a space; name their table by --include",
 }
 
@@ -32,7 +36,9 @@ Named = tuple[str, str, str, list[str]]
 def read_acts_model(path: Path) -> Space:
     """Read an ACTS model in either form.
 
-    Raises InputError that names the file, the place and what a space cannot say: relations, invalid values, existing tests.
+    Raises:
+        InputError: naming the file, the place and what a space cannot say: relations, invalid
+            values, existing tests.
     """
     text = read_text(path, "an ACTS model")
     return (
@@ -80,7 +86,8 @@ def _parameter(where: str, line: str) -> Named:
         )
     if ";" in match["values"]:
         raise ValueError(
-            f"{where}: {match['name']} has invalid values after the ';', which a space does not have"
+            f"{where}: {match['name']} has invalid values after the ';', which a space does not "
+            "have"
         )
     return (
         where,
@@ -119,7 +126,8 @@ def _element(index: int, element: ET.Element) -> Named:
     where = f"Parameter[{index}]"
     if not name or (kind and kind not in KINDS):
         raise ValueError(
-            f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got name {name!r} and type {kind!r}"
+            f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got name "
+            f"{name!r} and type {kind!r}"
         )
     if element.findall("invalidValues/*"):
         raise ValueError(f"{where}: {name} has invalid values, which a space does not have")
@@ -141,7 +149,8 @@ def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) 
             raise ValueError(f"{where}: the parameter {name} appears twice")
         if not all(values) or len(set(values)) != len(values):
             raise ValueError(
-                f"{where}: the values of {name} must be distinct and not empty, got {', '.join(values)}"
+                f"{where}: the values of {name} must be distinct and not empty, got "
+                f"{', '.join(values)}"
             )
         typed[name] = _typed(where, name, kind, values)
         variables.append(Variable(name, "categorical", values=tuple(values)))

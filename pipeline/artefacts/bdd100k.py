@@ -1,4 +1,7 @@
-"""Labels of BDD100K (https://doc.bdd100k.com): weather, scene and timeofday of each image, and its number of boxes."""
+"""Labels of BDD100K (https://doc.bdd100k.com).
+
+Weather, scene and timeofday of each image, and its number of boxes.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,9 @@ from pipeline.errors import InputError, shown
 
 
 def is_bdd100k(plain: Any) -> bool:
-    """Whether JSON is a list of labelled frames, the same inside `frames`, or the file of one image."""
+    """Whether JSON is a list of labelled frames, the same inside `frames`, or the file of one
+    image.
+    """
     frames = plain.get("frames") if isinstance(plain, dict) else plain
     return (
         isinstance(frames, list)
@@ -22,7 +27,10 @@ def is_bdd100k(plain: Any) -> bool:
 def bdd100k(path: Path, plain: Any) -> DataSet:
     """Images of a label file; `undefined` is no category of a space, so the image is partial.
 
-    Conditions: the `attributes` of the image, and `objects`, its number of labels with a box. Raises InputError that names the place.
+    Conditions: the `attributes` of the image, and `objects`, its number of labels with a box.
+
+    Raises:
+        InputError: naming the place.
     """
     alone = isinstance(plain, dict) and "name" in plain
     frames = [plain] if alone else plain["frames"] if isinstance(plain, dict) else plain

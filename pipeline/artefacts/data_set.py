@@ -1,4 +1,7 @@
-"""What a data set says of its own images: their names, and conditions that need no further table."""
+"""What a data set says of its own images.
+
+Their names, and conditions that need no further table.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,23 @@ NOT_APPLICABLE = "not_applicable"
 
 @dataclass(frozen=True)
 class DataSet:
-    """names: of the images or samples, distinct. conditions: a text, number or None (unknown) for each image, by condition."""
+    """The images of a data set.
+
+    Attributes:
+        names: of the images or samples, distinct.
+        conditions: a text, number or None (unknown) for each image, by condition.
+    """
 
     names: tuple[str, ...]
     conditions: Mapping[str, Sequence[Any]]
 
     @staticmethod
     def of(path: Path, rows: Sequence[tuple[str, Mapping[str, Any]]]) -> DataSet:
-        """The set of named rows, in which a missing condition is unknown; InputError if there is none or a name appears twice."""
+        """The set of named rows, in which a missing condition is unknown.
+
+        Raises:
+            InputError: if there is none or a name appears twice.
+        """
         if not rows:
             raise InputError(f"{path}: expected images, got none")
         seen: set[str] = set()
@@ -40,7 +52,11 @@ class DataSet:
 
 
 def member(path: Path, plain: Any, key: str, kind: type, where: str = "") -> Any:
-    """plain[key], which must be of a type; InputError that names the place in the file, what was expected and what came."""
+    """plain[key], which must be of a type.
+
+    Raises:
+        InputError: naming the place in the file, what was expected and what came.
+    """
     place = f"{where}.{key}" if where else key
     if not isinstance(plain, Mapping) or key not in plain:
         got = f"keys {', '.join(map(str, plain))}" if isinstance(plain, Mapping) else shown(plain)

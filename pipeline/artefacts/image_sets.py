@@ -1,4 +1,7 @@
-"""The images of data sets: what a set itself says of each, and the conditions that a table gives it."""
+"""The images of data sets.
+
+What a set itself says of each, and the conditions that a table gives it.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,12 @@ OBJECTS = "objects"
 
 @dataclass(frozen=True)
 class Images:
-    """table: the conditions of each image, in the order of `names`. unused: rows of the metadata that belong to no image."""
+    """The images of a data set and their conditions.
+
+    Attributes:
+        table: the conditions of each image, in the order of `names`.
+        unused: rows of the metadata that belong to no image.
+    """
 
     table: Table
     names: tuple[str, ...]
@@ -50,10 +58,15 @@ class Images:
 
 
 def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
-    """The conditions of each image of a data set: COCO, YOLO, BDD100K, KITTI, nuScenes, or tags of OpenLABEL.
+    """The conditions of each image of a data set.
 
-    Conditions come from `metadata`, a table with a column `file_name`, and from the set itself where the table has no such column. Raises
-    InputError that names the file and the image.
+    COCO, YOLO, BDD100K, KITTI, nuScenes, or tags of OpenLABEL.
+
+    Conditions come from `metadata`, a table with a column `file_name`, and from the set itself
+    where the table has no such column.
+
+    Raises:
+        InputError: naming the file and the image.
     """
     own = _data_set(path, space)
     columns = {
@@ -64,7 +77,8 @@ def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
     if metadata is None:
         if missing := [name for name in space.names if name not in own.conditions]:
             raise InputError(
-                f"{path}: the set itself has no {', '.join(missing)}; name a table of image conditions, with a column {KEY}, by --metadata"
+                f"{path}: the set itself has no {', '.join(missing)}; name a table of image "
+                f"conditions, with a column {KEY}, by --metadata"
             )
         return Images(Table(tuple(own.conditions), columns, len(own.names)), own.names, 0)
     table = read_table(metadata, [KEY, *(name for name in space.names if name != KEY)])
@@ -130,7 +144,8 @@ def _coco(path: Path, plain: Any) -> dict[str, int]:
         for i, annotation in enumerate(plain["annotations"]):
             if annotation["image_id"] not in names:
                 raise InputError(
-                    f"{path}: annotations[{i}]: expected the id of an image, got {annotation['image_id']!r}"
+                    f"{path}: annotations[{i}]: expected the id of an image, got "
+                    f"{annotation['image_id']!r}"
                 )
             counts[names[annotation["image_id"]]] += 1
     except (KeyError, TypeError) as error:
@@ -141,7 +156,10 @@ def _coco(path: Path, plain: Any) -> dict[str, int]:
 
 
 def _yolo(path: Path) -> dict[str, int]:
-    """Number of labelled objects of each image by path without suffix; an image without a label file has none."""
+    """Number of labelled objects of each image by path without suffix.
+
+    An image without a label file has none.
+    """
     base, folders = _both_folders(path)
     files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
     images = _apart(base, "images", [file for file in files if file.suffix.lower() in IMAGES])
@@ -154,7 +172,8 @@ def _yolo(path: Path) -> dict[str, int]:
     for image in images:
         if (other := named.setdefault(_bare(image.relative_to(base)), image)) != image:
             raise InputError(
-                f"{path}: {other.name} and {image.name} share one label file, expected one image for each"
+                f"{path}: {other.name} and {image.name} share one label file, expected one image "
+                "for each"
             )
     return dict.fromkeys(named, 0) | {
         _bare(label.relative_to(base)): _objects(label) for label in labels
@@ -162,7 +181,10 @@ def _yolo(path: Path) -> dict[str, int]:
 
 
 def _both_folders(path: Path) -> tuple[Path, list[Path]]:
-    """The folder of a data set, and where its images and labels are: in a folder inside `images`, the labels are inside `labels`."""
+    """The folder of a data set, and where its images and labels are.
+
+    In a folder inside `images`, the labels are inside `labels`.
+    """
     parts = path.resolve().parts
     for place in reversed(range(len(parts))):
         if parts[place] in PAIR:
@@ -177,7 +199,10 @@ def _apart(base: Path, name: str, files: list[Path]) -> list[Path]:
 
 
 def _bare(path: str | PurePath) -> str:
-    """A path inside a data set as its image and its labels share it: without suffix, `images` and `labels`."""
+    """A path inside a data set as its image and its labels share it.
+
+    Without suffix, `images` and `labels`.
+    """
     inside = PurePath(*(part for part in PurePath(path).parts if part not in PAIR))
     return (
         inside.with_suffix("") if inside.suffix.lower() in (*IMAGES, ".txt") else inside
@@ -189,14 +214,19 @@ def _stem(path: str) -> str:
 
 
 def _objects(label: Path) -> int:
-    """Number of objects in a label file; InputError for a line that is not a class and at least four numbers."""
+    """Number of objects in a label file.
+
+    Raises:
+        InputError: for a line that is not a class and at least four numbers.
+    """
     count = 0
     for number, line in enumerate(label.read_text(errors="replace").splitlines(), 1):
         if not (fields := line.split()):
             continue
         if len(fields) < 5 or not all(map(_is_number, fields)):
             raise InputError(
-                f"{label}: line {number}: expected a class and at least four numbers, got {line[:80]!r}"
+                f"{label}: line {number}: expected a class and at least four numbers, got "
+                f"{line[:80]!r}"
             )
         count += 1
     return count
@@ -211,11 +241,15 @@ def _is_number(text: str) -> bool:
 
 
 def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> list[list[int]]:
-    """The rows of each image, which agree: by its path, else without suffix, else by its name alone if no other image or row has it."""
+    """The rows of each image, which agree.
+
+    By its path, else without suffix, else by its name alone if no other image or row has it.
+    """
     keys = table.columns[KEY].cast(pa.string()).to_pylist()
     if None in keys:
         raise InputError(
-            f"{metadata}: row {keys.index(None) + 1}: {KEY} must be the name of an image, got nothing"
+            f"{metadata}: row {keys.index(None) + 1}: {KEY} must be the name of an image, got "
+            "nothing"
         )
     written, bare, alone = _by(str, keys), _by(_bare, keys), _by(_stem, keys)
     stems = Counter(map(_stem, images))
@@ -228,7 +262,8 @@ def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> li
         if not found or several:
             why = f", and several images are called {_stem(image)}" if several else ""
             raise InputError(
-                f"{metadata}: expected a row for every image of {path}, there is none for {image}{why}"
+                f"{metadata}: expected a row for every image of {path}, there is none for "
+                f"{image}{why}"
             )
         _check_agreement(found, image, table, metadata)
         rows.append(found)
@@ -247,5 +282,6 @@ def _check_agreement(rows: list[int], image: str, table: Table, metadata: Path) 
     for name, column in table.columns.items():
         if name != KEY and len(rows) > 1 and len({column[row].as_py() for row in rows}) > 1:
             raise InputError(
-                f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in {name}"
+                f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in "
+                f"{name}"
             )

@@ -25,11 +25,16 @@ SUFFIXES = {".txt": "pict", ".xml": "acts-xml", ".yaml": "space", ".yml": "space
 
 
 def format_of(path: Path, given: str | None) -> str:
-    """The format to write: the given one, or that of the file's suffix; InputError if neither says."""
+    """The format to write: the given one, or that of the file's suffix.
+
+    Raises:
+        InputError: if neither says.
+    """
     found = given or SUFFIXES.get(path.suffix.lower())
     if found is None:
         raise InputError(
-            f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, or --format{nearest(path.suffix, SUFFIXES)}"
+            f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, or "
+            f"--format{nearest(path.suffix, SUFFIXES)}"
         )
     return found
 
@@ -37,7 +42,10 @@ def format_of(path: Path, given: str | None) -> str:
 def write_model(path: Path, space: Space, kind: str) -> list[str]:
     """Write a space; returns what the format cannot say and so is left out.
 
-    Before writing, the text is read back. Raises InputError that names the variable that the format cannot write.
+    Before writing, the text is read back.
+
+    Raises:
+        InputError: naming the variable that the format cannot write.
     """
     writers: Mapping[str, tuple[Callable[[Space], str], Callable[[str, str], Space] | None]] = {
         "pict": (pict_text, pict_space),
@@ -57,7 +65,8 @@ def _check(path: Path, kind: str, space: Space, back: Space) -> None:
     for variable, again in zip(space.variables, back.variables, strict=False):
         if (variable.name, category_names(variable)) != (again.name, again.values):
             raise InputError(
-                f"{path}: {variable.name}: {kind} cannot write this name or its values {', '.join(variable.labels)}"
+                f"{path}: {variable.name}: {kind} cannot write this name or its values "
+                f"{', '.join(variable.labels)}"
             )
     if len(space) != len(back) or _meaning(space) != _meaning(back):
         raise InputError(
@@ -83,7 +92,9 @@ def _meaning(space: Space) -> frozenset[Clause]:
 
 
 def _left_out(space: Space, kind: str) -> list[str]:
-    """Weights that the format lacks, what tells numbers from names, and what makes points of frames."""
+    """Weights that the format lacks, what tells numbers from names, and what makes points of
+    frames.
+    """
     missing = (
         [f"the frames and the rules of {', '.join(space.rules)}"]
         if isinstance(space, SequenceSpace)
@@ -97,7 +108,8 @@ def _left_out(space: Space, kind: str) -> list[str]:
             missing.append(f"the weights of 0 of {variable.name}")
         if kind != "space" and variable.kind != "categorical":
             missing.append(
-                f"that {variable.name} is a number; its parts become names such as {category_names(variable)[0]}"
+                f"that {variable.name} is a number; its parts become names such as "
+                f"{category_names(variable)[0]}"
             )
     if kind != "space":
         missing += [f"the named planes {named.name}" for named in space.extras.planes]

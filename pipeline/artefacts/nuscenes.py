@@ -1,4 +1,7 @@
-"""Tables of nuScenes (https://www.nuscenes.org/nuscenes): samples with the location, vehicle and date of their log."""
+"""Tables of nuScenes (https://www.nuscenes.org/nuscenes).
+
+Samples with the location, vehicle and date of their log.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +29,12 @@ def is_nuscenes(folder: Path) -> bool:
 def nuscenes(folder: Path, variables: Sequence[Variable]) -> DataSet:
     """Samples by their tokens.
 
-    Conditions: `location`, `vehicle` and `date_captured` of the log; `scene`, its name; `objects`, the number of annotations, if a variable
-    asks for it. A variable with the values true and false is true where a word of the scene's description begins with its name, such as
-    rain or night. Raises InputError that names the table and the row.
+    Conditions: `location`, `vehicle` and `date_captured` of the log; `scene`, its name; `objects`,
+    the number of annotations, if a variable asks for it. A variable with the values true and false
+    is true where a word of the scene's description begins with its name, such as rain or night.
+
+    Raises:
+        InputError: naming the table and the row.
     """
     logs, scenes = (_by_token(folder / f"{name}.json") for name in ("log", "scene"))
     said = {token: _scene(folder, row, logs, variables) for token, row in scenes.items()}

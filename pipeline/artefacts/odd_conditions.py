@@ -1,4 +1,7 @@
-"""Which categories an expression of an OpenODD condition means: literals, ordered literals, bounds of numbers."""
+"""Which categories an expression of an OpenODD condition means.
+
+Literals, ordered literals, bounds of numbers.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +18,12 @@ from pipeline.errors import shown
 def categories_meant(concept: Concept, counted: Concept, variable: Variable, text: Any) -> set[int]:
     """Indices of the categories that one expression on a concept means.
 
-    counted: the concept that the variable counts: the same, or the one whose literals are ranges of the concept. Raises ValueError for an
-    expression that means no whole categories.
+    Args:
+        counted: the concept that the variable counts: the same, or the one whose literals are
+            ranges of the concept.
+
+    Raises:
+        ValueError: for an expression that means no whole categories.
     """
     if not isinstance(text, str):
         raise ValueError(f"expected an expression, got {shown(text)}")
@@ -48,7 +55,10 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
 
 
 def ends_of(concept: Concept, own: Bounds) -> list[float]:
-    """Where categories begin and end so that bounds hold for whole ones: for whole numbers, at the first inside and the first after it."""
+    """Where categories begin and end so that bounds hold for whole ones.
+
+    For whole numbers, at the first inside and the first after it.
+    """
 
     def first(number: float, after: bool) -> float:
         if not concept.whole or abs(number) == inf:

@@ -1,4 +1,7 @@
-"""The modules of an OpenODD file (ASAM OpenODD 1.0, sections 6.4 and 10.4): INCLUDE and EXCLUDE sections as expressions."""
+"""The modules of an OpenODD file (ASAM OpenODD 1.0, sections 6.4 and 10.4).
+
+INCLUDE and EXCLUDE sections as expressions.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,20 @@ KEYS = (*SECTIONS, *TOLD, "ACTIVE", "LABEL", "LABELS")
 TRUTH = {"true": True, "false": False}
 
 Meaning = Callable[[str, str, Any, bool], Expression]
-"""From the place of a condition, its concept, its expression, and whether the ODD grows where the condition holds."""
+"""From the place of a condition, its concept, its expression, and whether the ODD grows where the
+condition holds."""
 
 
 class Modules:
-    """All modules by name; those under ODD are entry points, or, without ODD, all to which no other module refers."""
+    """All modules by name; those under ODD are entry points, or, without ODD, all to which no other
+    module refers.
+    """
 
     def __init__(self, odd: Mapping[str, Any], others: Mapping[str, Any]) -> None:
-        """Raises ValueError that names the module: for an unknown key, two sections of a kind, and none."""
+        """Raises ValueError that names the module.
+
+        For an unknown key, two sections of a kind, and none.
+        """
         self._all = {str(name): plain for name, plain in (*odd.items(), *others.items())}
         if len(self._all) < len(odd) + len(others):
             raise ValueError(
@@ -44,7 +53,8 @@ class Modules:
         roots = [name for name in self._candidates if name not in referred]
         if self._all and not roots:
             raise ValueError(
-                f"MODULES: another module refers to each of them; leave at least one that none refers to: {', '.join(self._candidates)}"
+                "MODULES: another module refers to each of them; leave at least one that none "
+                f"refers to: {', '.join(self._candidates)}"
             )
         found = [(name, self._module(name, meaning, True, ())) for name in roots]
         return [
@@ -56,10 +66,15 @@ class Modules:
     def _module(
         self, name: str, meaning: Meaning, grows: bool, within: tuple[str, ...]
     ) -> Expression | None:
-        """INCLUDE and not EXCLUDE; None for a module that is not active. grows: whether the ODD grows where the module holds."""
+        """INCLUDE and not EXCLUDE; None for a module that is not active.
+
+        Args:
+            grows: whether the ODD grows where the module holds.
+        """
         if name in within:
             raise ValueError(
-                f"{_where(name)}: this module refers to itself, by {' → '.join((*within[within.index(name) :], name))}"
+                f"{_where(name)}: this module refers to itself, by "
+                f"{' → '.join((*within[within.index(name) :], name))}"
             )
         plain = self._all[name]
         if not _flag(f"{_where(name)}.ACTIVE", plain.get("ACTIVE", "true")):
@@ -90,7 +105,8 @@ class Modules:
     ) -> Expression | None:
         if not isinstance(plain, dict) or not plain:
             raise ValueError(
-                f"{where}: expected conditions such as 'wind_speed: \"< 40 km/h\"', got {shown(plain)}"
+                f"{where}: expected conditions such as 'wind_speed: \"< 40 km/h\"', got "
+                f"{shown(plain)}"
             )
         parts: list[Expression | None] = []
         for key, value in plain.items():
@@ -130,7 +146,8 @@ def _where(name: str) -> str:
 def _check(name: str, plain: Any) -> None:
     if not isinstance(plain, dict):
         raise ValueError(
-            f"{_where(name)}: expected INCLUDE_AND, INCLUDE_OR, EXCLUDE_AND or EXCLUDE_OR, got {shown(plain)}"
+            f"{_where(name)}: expected INCLUDE_AND, INCLUDE_OR, EXCLUDE_AND or EXCLUDE_OR, got "
+            f"{shown(plain)}"
         )
     for key in plain:
         if key not in KEYS:

@@ -1,4 +1,6 @@
-"""Numbers with units in OpenODD files, and the bounds that expressions such as "< 40 km/h" or "[2 .. 10] mm/h" set."""
+"""Numbers with units in OpenODD files, and the bounds that expressions such as "< 40 km/h" or "[2
+.. 10] mm/h" set.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "bandwidth": {"bps": (1, 0), "kbps": (1e3, 0), "Mbps": (1e6, 0), "Gbps": (1e9, 0)},
     "frequency": {"Hz": (1, 0), "kHz": (1000, 0)},
 }
-"""Scale and offset of each unit to the first of its type; a type that is not here has one unit a concept."""
+"""Scale and offset of each unit to the first of its type; a type that is not here has one unit a
+concept."""
 SIGNED = (
     "temperature",
     "angle",
@@ -51,7 +54,11 @@ DIGITS = 12
 
 @dataclass(frozen=True)
 class Bounds:
-    """The numbers from low to high, in a unit. below, above: whether the ends themselves are outside."""
+    """The numbers from low to high, in a unit.
+
+    Attributes:
+        below, above: whether the ends themselves are outside.
+    """
 
     low: float
     high: float
@@ -65,7 +72,10 @@ class Bounds:
         )
 
     def holds_all(self, other: Bounds) -> bool:
-        """Whether it contains the other, but perhaps for the other's ends: parts touch at their ends."""
+        """Whether it contains the other, but perhaps for the other's ends.
+
+        Parts touch at their ends.
+        """
         return (
             self.holds(other.low)
             if other.low == other.high

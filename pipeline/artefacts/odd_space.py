@@ -1,4 +1,7 @@
-"""The space of an OpenODD taxonomy: its concepts as variables, its modules and what may be absent as constraints."""
+"""The space of an OpenODD taxonomy.
+
+Its concepts as variables, its modules and what may be absent as constraints.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,11 @@ UNKNOWN = ("unknown", "none", "null", "undefined")
 
 
 def odd_space(parts: Mapping[str, Mapping[str, Any]]) -> Space:
-    """The space of the sections TAXONOMY, MODULES, ODD and COVERAGE; ValueError that names the place of what is wrong."""
+    """The space of the sections TAXONOMY, MODULES, ODD and COVERAGE.
+
+    Raises:
+        ValueError: naming the place of what is wrong.
+    """
     return _Odd(parts).space()
 
 
@@ -69,7 +76,10 @@ class _Odd:
         return found
 
     def _kept(self) -> list[str]:
-        """The concepts that are variables: those chosen, or all but numbers whose ranges define literals."""
+        """The concepts that are variables.
+
+        Those chosen, or all but numbers whose ranges define literals.
+        """
         concepts = self._taxonomy.concepts
         bases = {self._base(name) for name, concept in concepts.items() if concept.base}
         if chosen := self._list("CONCEPTS"):
@@ -98,7 +108,8 @@ class _Odd:
         ]
         if len(found) > 1:
             raise ValueError(
-                f"{self._taxonomy.concepts[number].where}: expected literals of one concept, got {' and '.join(found)}"
+                f"{self._taxonomy.concepts[number].where}: expected literals of one concept, got "
+                f"{' and '.join(found)}"
             )
         return found[0] if found else None
 
@@ -122,7 +133,8 @@ class _Odd:
         found = self._taxonomy.find(where, name)
         if not self._taxonomy.concepts[found].is_number:
             raise ValueError(
-                f"{where}: expected a number, got {found} with {', '.join(self._taxonomy.concepts[found].literals)}"
+                f"{where}: expected a number, got {found} with "
+                f"{', '.join(self._taxonomy.concepts[found].literals)}"
             )
         return found
 
@@ -166,7 +178,8 @@ class _Odd:
             raise ValueError(f"{concept.where}: {why}, or leave it out of COVERAGE.CONCEPTS")
         if optional:
             raise ValueError(
-                f"{concept.where}: a number that may not apply needs literals; define them by ranges of it"
+                f"{concept.where}: a number that may not apply needs literals; define them by "
+                "ranges of it"
             )
         cuts = sorted(self._cuts[name])
         low = -inf if concept.unit_type in SIGNED or cuts[0] < 0 else 0.0
@@ -217,7 +230,9 @@ class _Odd:
         return found
 
     def _deeper(self, record: str) -> set[str]:
-        """The concepts of a record that are in an optional record inside it, or that apply only if something else holds."""
+        """The concepts of a record that are in an optional record inside it, or that apply only if
+        something else holds.
+        """
         inside = set(self._taxonomy.below("COVERAGE", record))
         others = [
             one for one in (*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")) if one != record
@@ -233,14 +248,18 @@ class _Odd:
         where = f"COVERAGE.APPLIES_IF.{child}"
         if not isinstance(condition, dict) or not condition:
             raise ValueError(
-                f"{where}: expected conditions such as 'rainfall: [light, heavy]', got {shown(condition)}"
+                f"{where}: expected conditions such as 'rainfall: [light, heavy]', got "
+                f"{shown(condition)}"
             )
         return Every(
             tuple(meaning(f"{where}.{key}", key, plain, False) for key, plain in condition.items())
         )
 
     def _meaning(self, where: str, key: str, plain: Any, grows: bool) -> Expression:
-        """A condition on one concept. Where the concept does not apply, the condition never keeps a point outside the ODD."""
+        """A condition on one concept.
+
+        Where the concept does not apply, the condition never keeps a point outside the ODD.
+        """
         name = self._taxonomy.find(where, key)
         concept = self._taxonomy.concepts[name]
         shown_by = (self._ordered(name) or name) if concept.is_number else name

@@ -1,4 +1,7 @@
-"""The concepts of an OpenODD taxonomy (ASAM OpenODD 1.0, section 10.2): numbers, truth values and literals in nested records."""
+"""The concepts of an OpenODD taxonomy (ASAM OpenODD 1.0, section 10.2).
+
+Numbers, truth values and literals in nested records.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +22,14 @@ SHAPEFILE = "shapefile"
 
 @dataclass(frozen=True)
 class Concept:
-    """A leaf of the taxonomy. path: from the top record. literals: of a categorical or boolean concept. unit_type: of a number.
+    """A leaf of the taxonomy.
 
-    ranges: what each literal means for the number `base`, if ranges define the literals; these are then in the order of the ranges.
+    Attributes:
+        path: from the top record.
+        literals: of a categorical or boolean concept.
+        unit_type: of a number.
+        ranges: what each literal means for the number `base`, if ranges define the literals; these
+            are then in the order of the ranges.
     """
 
     path: tuple[str, ...]
@@ -44,7 +52,10 @@ class Taxonomy:
     """Concepts by their names: the shortest end of the path that only one concept has."""
 
     def __init__(self, plain: Mapping[str, Any]) -> None:
-        """Raises ValueError that names the place: for a wrong leaf, and for a concept with the name of another."""
+        """Raises ValueError that names the place.
+
+        For a wrong leaf, and for a concept with the name of another.
+        """
         self.concepts: dict[str, Concept] = {}
         found = list(_concepts((), plain))
         ends = Counter(
@@ -61,7 +72,11 @@ class Taxonomy:
             self.concepts[".".join(own[0])] = concept
 
     def find(self, where: str, name: str) -> str:
-        """The name of the concept that the end of a path means; ValueError for none and for several."""
+        """The name of the concept that the end of a path means.
+
+        Raises:
+            ValueError: for none and for several.
+        """
         if name in self.concepts:
             return name
         end = tuple(name.split("."))
@@ -82,7 +97,8 @@ class Taxonomy:
         ]
         if not found:
             raise ValueError(
-                f"{where}: there is no record or concept {name}{nearest(name, self._records() | set(self.concepts))}"
+                f"{where}: there is no record or concept "
+                f"{name}{nearest(name, self._records() | set(self.concepts))}"
             )
         return found
 
@@ -108,7 +124,8 @@ def _concepts(path: tuple[str, ...], plain: Any) -> Iterator[Concept]:
             yield Concept(path, unit_type=words[1], whole=words[0] in NUMBERS[:2])
         case _:
             raise ValueError(
-                f"{where}: expected a record, a list of literals, boolean, shapefile or a number such as 'float length', got {shown(plain)}"
+                f"{where}: expected a record, a list of literals, boolean, shapefile or a number "
+                f"such as 'float length', got {shown(plain)}"
             )
 
 
@@ -131,7 +148,8 @@ def _ranges(where: str, plain: Mapping[Any, Any]) -> dict[str, tuple[str, Bounds
         return {}
     if len({name for name, _ in inner}) > 1 or len(inner) != len(plain):
         raise ValueError(
-            f"{where}: expected literals that the bounds of one number define, got {', '.join(str(name) for name, _ in inner)}"
+            f"{where}: expected literals that the bounds of one number define, got "
+            f"{', '.join(str(name) for name, _ in inner)}"
         )
     return {
         str(literal): (str(name), bounds(text))
@@ -145,7 +163,8 @@ def _ordered(
     unit = next(iter(ranges.values()))[1].unit
     if any(own.unit != unit for _, own in ranges.values()):
         raise ValueError(
-            f"{where}: expected one unit for all literals, got {', '.join(own.unit for _, own in ranges.values())}"
+            f"{where}: expected one unit for all literals, got "
+            f"{', '.join(own.unit for _, own in ranges.values())}"
         )
     order = sorted(ranges, key=lambda literal: (ranges[literal][1].low, ranges[literal][1].high))
     for first, second in pairwise(order):
@@ -160,7 +179,11 @@ def _ordered(
 
 
 def literals_within(concept: Concept, own: Bounds, unit_type: str) -> frozenset[int]:
-    """Indices of the literals whose ranges are inside bounds of their number; ValueError if the bounds cut through one."""
+    """Indices of the literals whose ranges are inside bounds of their number.
+
+    Raises:
+        ValueError: if the bounds cut through one.
+    """
     inside = set()
     for index, part in enumerate(concept.ranges):
         limits = in_unit(own, part.unit, unit_type)
@@ -168,6 +191,7 @@ def literals_within(concept: Concept, own: Bounds, unit_type: str) -> frozenset[
             inside.add(index)
         elif not limits.holds_none(part):
             raise ValueError(
-                f"this cuts through the literal {concept.literals[index]} of {concept.path[-1]}; end a literal there"
+                f"this cuts through the literal {concept.literals[index]} of {concept.path[-1]}; "
+                "end a literal there"
             )
     return frozenset(inside)

@@ -17,7 +17,13 @@ STREAM = "camera"
 
 @dataclass(frozen=True)
 class Camera:
-    """width, height: of its images, pixels. hfov_deg: its horizontal field of view. distortion: its first radial coefficient."""
+    """The camera of the images.
+
+    Attributes:
+        width, height: of its images, pixels.
+        hfov_deg: its horizontal field of view.
+        distortion: its first radial coefficient.
+    """
 
     width: int
     height: int
@@ -26,9 +32,12 @@ class Camera:
 
 
 def openlabel(rows: pd.DataFrame, images: Mapping[int, str], camera: Camera) -> dict[str, Any]:
-    """The frames of one test execution in OpenLABEL's JSON: one pedestrian, with its visible and its whole box.
+    """The frames of one test execution in OpenLABEL's JSON.
 
-    images: the file of each row, by the row's index.
+    One pedestrian, with its visible and its whole box.
+
+    Args:
+        images: the file of each row, by the row's index.
     """
     width, height, distortion = camera.width, camera.height, camera.distortion
     focal = width / 2 / float(np.tan(np.radians(camera.hfov_deg) / 2))

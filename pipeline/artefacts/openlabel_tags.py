@@ -1,4 +1,7 @@
-"""Tags of ASAM OpenLABEL 1.0 files as points: a file is one, or each stretch of frames with the same tags."""
+"""Tags of ASAM OpenLABEL 1.0 files as points.
+
+A file is one, or each stretch of frames with the same tags.
+"""
 
 from __future__ import annotations
 
@@ -44,9 +47,13 @@ def is_openlabel(plain: Any) -> bool:
 def openlabel(files: Sequence[tuple[Path, Any]], variables: Sequence[Variable]) -> DataSet:
     """The points of OpenLABEL files.
 
-    A tag, or a named entry of its data, whose name is that of a variable gives its value; without data it means `true`. A tag whose type is
-    a category of one variable gives that category. An absent tag says nothing. Several values, and a range that is in no single category,
-    leave the variable unknown. Raises InputError that names the file and the place in it.
+    A tag, or a named entry of its data, whose name is that of a variable gives its value; without
+    data it means `true`. A tag whose type is a category of one variable gives that category. An
+    absent tag says nothing. Several values, and a range that is in no single category, leave the
+    variable unknown.
+
+    Raises:
+        InputError: naming the file and the place in it.
     """
     rows = [row for path, plain in files for row in _points(path, plain, variables)]
     return DataSet.of(files[0][0] if len(files) == 1 else files[0][0].parent, rows)
@@ -82,7 +89,9 @@ def _points(
 def _stretches(
     several: Sequence[tuple[Interval, ...]], whole: tuple[Interval, ...]
 ) -> Iterator[Interval]:
-    """The parts of the whole recording, or of all intervals together, in which the same intervals hold."""
+    """The parts of the whole recording, or of all intervals together, in which the same intervals
+    hold.
+    """
     every = [interval for intervals in (*several, whole) for interval in intervals]
     inside = whole or tuple(every)
     for first, end in pairwise(
@@ -120,7 +129,8 @@ def _elements(
         name = member(path, element, "type", str, where)
         if "ontology_uid" in element and str(element["ontology_uid"]) not in ontologies:
             raise InputError(
-                f"{path}: {where}.ontology_uid: expected one of {', '.join(ontologies)}, got {shown(element['ontology_uid'])}"
+                f"{path}: {where}.ontology_uid: expected one of {', '.join(ontologies)}, got "
+                f"{shown(element['ontology_uid'])}"
             )
         data = element.get(ELEMENTS[kind], {})
         if kind == "tags" and isinstance(
@@ -158,7 +168,8 @@ def _values(
     if len(classes) > 1:
         both = " and of ".join(variable.name for variable in classes)
         raise InputError(
-            f"{path}: {where.rpartition('.')[0]}: {name} is a category of {both}; give them different names"
+            f"{path}: {where.rpartition('.')[0]}: {name} is a category of {both}; give them "
+            "different names"
         )
     denied = any(kind == "boolean" and entry.get("val") is False for _, kind, entry in entries)
     if classes and name not in named and not denied:
@@ -186,7 +197,10 @@ def _entries(path: Path, where: str, data: Any) -> Iterator[tuple[str, str, Mapp
 def _value(
     path: Path, variable: Variable, entries: Sequence[tuple[str, str, Mapping[str, Any]]]
 ) -> str:
-    """The value of a variable as text; several values joined, which are no category, so the variable is unknown."""
+    """The value of a variable as text.
+
+    Several values joined, which are no category, so the variable is unknown.
+    """
     found: dict[str, None] = {}
     low, high = -np.inf, np.inf
     for place, kind, entry in entries:

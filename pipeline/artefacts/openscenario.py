@@ -1,8 +1,10 @@
-"""A concrete scenario as ASAM OpenDRIVE 1.6 and OpenSCENARIO XML 1.1, to replay a finding in CARLA or esmini.
+"""A concrete scenario as ASAM OpenDRIVE 1.6 and OpenSCENARIO XML 1.1, to replay a finding in CARLA
+or esmini.
 
-Exported: streets, junction, crosswalks, every road user's start and unbraked motion, sun, fog and rain. Not exported: houses, trees, the
-crosswalk that our camera shows on a main street without crosswalks, junction and rails, the pedestrian's looks and animation, and the
-braking, which depends on the detector.
+Exported: streets, junction, crosswalks, every road user's start and unbraked motion, sun, fog and
+rain. Not exported: houses, trees, the crosswalk that our camera shows on a main street without
+crosswalks, junction and rails, the pedestrian's looks and animation, and the braking, which depends
+on the detector.
 """
 
 from __future__ import annotations
@@ -50,7 +52,10 @@ SUN_LUX = 100_000
 def write_openscenario(
     scenario: FunctionalScenario, concrete: Mapping[str, Value], out: Path
 ) -> tuple[Path, Path]:
-    """Write `<out>.xodr` and `<out>.xosc`; returns both paths. InputError if the scenario lacks a variable that they need."""
+    """Write `<out>.xodr` and `<out>.xosc`; returns both paths.
+
+    InputError if the scenario lacks a variable that they need.
+    """
     stem = out.with_suffix("") if out.suffix in (".xodr", ".xosc") else out
     if not stem.name:
         raise InputError(f"{out}: expected a name for both files")
@@ -68,7 +73,9 @@ def xml_bytes(root: Xml.Element) -> bytes:
 
 
 def _add(parent: Xml.Element, tag: str, **attributes: object) -> Xml.Element:
-    """A child element; trailing underscores of attribute names are dropped, numbers are written in full."""
+    """A child element; trailing underscores of attribute names are dropped, numbers are written in
+    full.
+    """
     texts = {
         name.rstrip("_"): f"{value:.6f}" if isinstance(value, float) else str(value)
         for name, value in attributes.items()
@@ -77,7 +84,8 @@ def _add(parent: Xml.Element, tag: str, **attributes: object) -> Xml.Element:
 
 
 def open_drive(town: Town) -> Xml.Element:
-    """The road network: main street 1 (and 2 behind a junction), side street 3, connecting roads 11 to 13.
+    """The road network: main street 1 (and 2 behind a junction), side street 3, connecting roads 11
+    to 13.
 
     InputError for a crosswalk inside the junction, which lies on none of its roads.
     """
@@ -146,12 +154,13 @@ def open_drive(town: Town) -> Xml.Element:
 def _check_crosswalks(town: Town, placed: int) -> None:
     if placed < len(town.crosswalks):
         raise InputError(
-            f"OpenDRIVE: expected crosswalks on a road, got {len(town.crosswalks) - placed} in the junction or beyond a street"
+            f"OpenDRIVE: expected crosswalks on a road, got {len(town.crosswalks) - placed} in the "
+            "junction or beyond a street"
         )
 
 
 def _reference_line(street: Street, start: float, end: float) -> paths.Piece:
-    """The line between a street's two directions, between two distances along the street in metres."""
+    """The line between a street's two directions; start, end: metres along the street."""
     stretch = _stretch(street)
     return paths.Piece(
         street.pose(start, street.middle), (end - start) * stretch, street.curvature / stretch
@@ -159,7 +168,10 @@ def _reference_line(street: Street, start: float, end: float) -> paths.Piece:
 
 
 def _stretch(street: Street) -> float:
-    """Metres of the reference line for a metre along the street: in a curve, they are not equally long."""
+    """Metres of the reference line for a metre along the street.
+
+    In a curve, they are not equally long.
+    """
     return 1 - street.curvature * street.middle
 
 
@@ -209,8 +221,10 @@ def _connecting(root: Xml.Element, turn: _Turn, ahead: int) -> None:
 
 
 def _turned(incoming: str) -> int:
-    """-1 if the incoming road's line runs away from the junction, as the side street's does: its lanes towards the junction are on the
-    other side."""
+    """-1 if the incoming road's line runs away from the junction, as the side street's does.
+
+    Its lanes towards the junction are on the other side.
+    """
     return -1 if incoming == "3" else 1
 
 
@@ -228,7 +242,9 @@ def _geometry(view: Xml.Element, s: float, piece: paths.Piece) -> None:
 def _lanes(road: Xml.Element, ahead: int, pavement: bool, turned: int | None = None) -> None:
     """One lane to the left of the reference line, `ahead` lanes to its right, pavements outside.
 
-    turned: for a connecting road, which continues the lanes of the same number; -1 if the incoming road's lanes are seen from behind.
+    Args:
+        turned: for a connecting road, which continues the lanes of the same number; -1 if the
+            incoming road's lanes are seen from behind.
     """
     section = _add(_add(road, "lanes"), "laneSection", s=0.0)
     left = [(1, "driving", LANE_WIDTH)] + ([(2, "sidewalk", PAVEMENT_WIDTH)] if pavement else [])
@@ -258,7 +274,11 @@ def _lanes(road: Xml.Element, ahead: int, pavement: bool, turned: int | None = N
 
 
 def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> int:
-    """The crosswalks on this road; returns their number. first: metres along the street at which the road begins."""
+    """The crosswalks on this road; returns their number.
+
+    Args:
+        first: metres along the street at which the road begins.
+    """
     length = float(road.attrib["length"])
     wanted = [
         (c.at_m - street.start - first) * _stretch(street)
@@ -300,7 +320,11 @@ def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> int
 def open_scenario(
     scenario: FunctionalScenario, concrete: Mapping[str, Value], road_file: str
 ) -> Xml.Element:
-    """The unbraked motion of all road users as trajectories over time, and the weather; InputError if a variable is missing."""
+    """The unbraked motion of all road users as trajectories over time, and the weather.
+
+    Raises:
+        InputError: if a variable is missing.
+    """
     for name in (*WEATHER, *(WALK if scenario.has_pedestrian else ())):
         if name not in concrete:
             raise InputError(

@@ -1,6 +1,9 @@
-"""Constraints of PICT models: IF, THEN, ELSE, AND, OR, NOT, IN, LIKE and comparisons, as expressions.
+"""Constraints of PICT models.
 
-PICT compares texts without regard to case, and numbers only where all values of a parameter are numbers.
+IF, THEN, ELSE, AND, OR, NOT, IN, LIKE and comparisons, as expressions.
+
+PICT compares texts without regard to case, and numbers only where all values of a parameter are
+numbers.
 """
 
 from __future__ import annotations
@@ -18,7 +21,8 @@ from pipeline.core.names import nearest
 from pipeline.core.space import Variable
 
 TOKEN = re.compile(
-    r"""(?P<name>\[(?:\\.|[^\]\\])*\])|(?P<text>"(?:\\.|[^"\\])*")|(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
+    r"""(?P<name>\[(?:\\.|[^\]\\])*\])|(?P<text>"(?:\\.|[^"\\])*")
+    |(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
     |(?P<sign><>|<=|>=|[=<>(){},;])|(?P<word>[A-Za-z]+)""",
     re.VERBOSE | re.ASCII,
 )
@@ -34,7 +38,12 @@ RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
 
 @dataclass(frozen=True)
 class Token:
-    """kind: name of the group in TOKEN, or 'end'. text: for a name or text without its marks; a word in capitals."""
+    """A token of a constraint.
+
+    Attributes:
+        kind: name of the group in TOKEN, or 'end'.
+        text: for a name or text without its marks; a word in capitals.
+    """
 
     kind: str
     text: str
@@ -42,9 +51,11 @@ class Token:
 
 
 def read_constraints(text: str, variables: Sequence[Variable]) -> list[Statement]:
-    """The constraints in a text whose lines are those of the file, empty where something else stands.
+    """The constraints in a text whose lines are those of the file, empty where something else
+    stands.
 
-    Raises ValueError that names the line and what was expected.
+    Raises:
+        ValueError: naming the line and what was expected.
     """
     parser = _Parser(_tokens(text), variables)
     found = []
@@ -71,7 +82,8 @@ def _tokens(text: str) -> list[Token]:
             line, place = line + match[0].count("\n"), match.end()
         else:
             raise ValueError(
-                f"line {line}: expected a constraint, got {text[place : place + 20].splitlines()[0]!r}"
+                f"line {line}: expected a constraint, got "
+                f"{text[place : place + 20].splitlines()[0]!r}"
             )
     return [*tokens, Token("end", "the end", line)]
 
@@ -130,7 +142,8 @@ class _Parser:
     def _term(self) -> Expression:
         if self.next.kind == "word" and self.next.text in ("ISNEGATIVE", "ISPOSITIVE"):
             raise ValueError(
-                f"line {self.next.line}: {self.next.text} asks for negative values, which a space does not have"
+                f"line {self.next.line}: {self.next.text} asks for negative values, which a space "
+                "does not have"
             )
         variable = self._variable()
         negative = self._word("NOT")
@@ -156,7 +169,8 @@ class _Parser:
         if type(one[0]) is not type(two[0]):
             names = f"[{self._variables[first].name}] and [{self._variables[second].name}]"
             raise ValueError(
-                f"line {line}: {names} cannot be compared: the values of one are numbers, of the other texts"
+                f"line {line}: {names} cannot be compared: the values of one are numbers, of the "
+                "other texts"
             )
         if first == second:
             return rows_where((first,), (len(one),), lambda c: relation(one[c], one[c]))
@@ -217,7 +231,8 @@ class _Parser:
         if token.text.upper() not in self._index:
             known = [variable.name for variable in self._variables]
             raise ValueError(
-                f"line {token.line}: there is no parameter [{token.text}]{nearest(token.text, known)}"
+                f"line {token.line}: there is no parameter "
+                f"[{token.text}]{nearest(token.text, known)}"
             )
         return self._index[token.text.upper()]
 

@@ -39,7 +39,8 @@ def _parameter(variable: Variable) -> str:
         same = False
     if not same:
         raise InputError(
-            f"{variable.name}: PICT cannot write this name or its values {', '.join(variable.labels)}"
+            f"{variable.name}: PICT cannot write this name or its values "
+            f"{', '.join(variable.labels)}"
         )
     return line
 

@@ -1,6 +1,7 @@
 """Models of PICT, Microsoft's tool for pairwise testing, as spaces.
 
-The format is that of PICT's public documentation: parameters, sub-models, constraints, in this order.
+The format is that of PICT's public documentation: parameters, sub-models, constraints, in this
+order.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from pipeline.errors import InputError
 
 SUB_MODEL = re.compile(r"\{.*\}")
 CONSTRAINT = re.compile(
-    r"IF|IF.*\[.*\].*|(NOT\b)?\s*\(?\s*\[.*\].*|\(.*\[.*\].*|(IF|NOT)?.*\bIS(NEG|POSI)ATIVE.*|IF\s*\(.*",
+    r"IF|IF.*\[.*\].*|(NOT\b)?\s*\(?\s*\[.*\].*|\(.*\[.*\].*|(IF|NOT)?.*\bIS(NEG|POSI)ATIVE.*"
+    r"|IF\s*\(.*",
     re.IGNORECASE,
 )
 """A line that begins the constraints."""
@@ -28,8 +30,11 @@ ORDER = re.compile(r".*@\s*\d+")
 def read_pict_model(path: Path) -> Space:
     """Read a PICT model.
 
-    The first name of a value is its category; its weight is the category's. Raises InputError that names the file, the line and what a
-    space cannot say: sub-models, negative values, result parameters, parameters with an order of their own.
+    The first name of a value is its category; its weight is the category's.
+
+    Raises:
+        InputError: naming the file, the line and what a space cannot say: sub-models, negative
+            values, result parameters, parameters with an order of their own.
     """
     return pict_space(read_text(path, "a PICT model"), str(path))
 
@@ -56,7 +61,8 @@ def _parameters(lines: list[str]) -> tuple[list[Variable], int]:
         if SUB_MODEL.match(line):
             _refuse(
                 index,
-                f"the sub-model {line} has a strength of its own; a space has one for all, given by --strength",
+                f"the sub-model {line} has a strength of its own; a space has one for all, given "
+                "by --strength",
             )
         if CONSTRAINT.fullmatch(line):
             return _some(found), index
@@ -83,7 +89,8 @@ def _parameter(index: int, line: str, known: dict[str, Variable]) -> Variable:
     if ORDER.fullmatch(name):
         _refuse(
             index,
-            f"the parameter {name} has a strength of its own; a space has one for all, given by --strength",
+            f"the parameter {name} has a strength of its own; a space has one for all, given by "
+            "--strength",
         )
     values: dict[str, int] = {}
     for text in map(str.strip, rest.split(",")):
@@ -112,7 +119,8 @@ def _value(index: int, text: str) -> tuple[str, int]:
     if text.startswith("~"):
         _refuse(
             index,
-            f"{text} is a negative value, which a space does not have; remove it, or its ~ to count it as any other",
+            f"{text} is a negative value, which a space does not have; remove it, or its ~ to "
+            "count it as any other",
         )
     return text.split("|")[0].strip(), weight
 

@@ -25,8 +25,9 @@ from pipeline.errors import InputError
 class PointTable:
     """The points of a table, which are read once, batch by batch.
 
-    rows, points, partial: number of rows so far, of those that keep the constraints, and of these without a category for some condition.
-    images: names of the rows, if they are images or sequences, which `kind` tells. unused: rows of the metadata that belong to no image.
+    rows, points, partial: number of rows so far, of those that keep the constraints, and of these
+    without a category for some condition. images: names of the rows, if they are images or
+    sequences, which `kind` tells. unused: rows of the metadata that belong to no image.
     """
 
     images: tuple[str, ...] = ()
@@ -48,9 +49,13 @@ class PointTable:
         return tuple([fault for column in self._meanings for fault in column.faults()] + broken)
 
     def counting(self, strict: bool = False) -> Iterator[Ints]:
-        """(n, d) category indices of the rows that count, batch by batch: those that keep the constraints; -1 where there is no category.
+        """(n, d) category indices of the rows that count, batch by batch.
 
-        Raises InputError after the last batch: if there are rows and none counts, and, if strict, for an imperfect row.
+        Those that keep the constraints; -1 where there is no category.
+
+        Raises:
+            InputError: after the last batch: if there are rows and none counts, and, if strict, for
+                an imperfect row.
         """
         for rows, keeps in self._read():
             yield rows if keeps.all() else rows[keeps]
@@ -66,7 +71,11 @@ class PointTable:
         return self._together(self.counting(strict=True))
 
     def complete(self) -> Ints:
-        """All rows, also those that break a constraint; InputError that names the first row without a category for each condition."""
+        """All rows, also those that break a constraint.
+
+        Raises:
+            InputError: naming the first row without a category for each condition.
+        """
         rows = self._together(rows for rows, _ in self._read())
         if faults := [fault for fault in self.faults if not fault.left_out]:
             raise InputError(f"{self.path}: {self.told(min(faults, key=_row))}")
@@ -140,13 +149,19 @@ def _row(fault: Fault) -> int:
 def read_points(
     path: Path, space: Space, *, metadata: Path | None = None, empty: bool = False
 ) -> PointTable:
-    """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI, nuScenes or OpenLABEL.
+    """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO,
+    KITTI, nuScenes or OpenLABEL.
 
-    Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what the data set itself says, such as
-    `objects`, the number of annotations. Of a space of sequences, a table may hold frames. Other columns are ignored. empty: whether a
-    table without rows is allowed.
+    Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what
+    the data set itself says, such as `objects`, the number of annotations. Of a space of sequences,
+    a table may hold frames. Other columns are ignored.
 
-    Raises InputError, here or from the batches, that names the file and what is wrong with the table as a whole.
+    Args:
+        empty: whether a table without rows is allowed.
+
+    Raises:
+        InputError: here or from the batches, that names the file and what is wrong with the table
+            as a whole.
     """
     if path.is_dir() or path.suffix.lower() == ".json":
         images = read_images(path, metadata, space)
@@ -168,7 +183,10 @@ def read_points(
 
 
 def _sequences(path: Path, space: SequenceSpace, empty: bool) -> PointTable:
-    """The sequences of a table of frames. Frames that break no rule count, whatever else is wrong with them."""
+    """The sequences of a table of frames.
+
+    Frames that break no rule count, whatever else is wrong with them.
+    """
     columns = [*space.frames.names, space.time, *([space.sequence] if space.sequence else [])]
     opened, read = (
         _opened(path, columns),
@@ -195,10 +213,14 @@ def _check_columns(
     if missing := [name for name in wanted if name not in found]:
         known = ", ".join(header)
         raise InputError(
-            f"{path}: expected a column for each condition; there is none for {', '.join(missing)}, only {known}"
+            f"{path}: expected a column for each condition; there is none for "
+            f"{', '.join(missing)}, only {known}"
         )
 
 
 def write_points(path: Path, space: Space, points: Ints) -> None:
-    """Write (n, d) category indices as CSV or parquet; the header holds the variables' names, the cells the categories' names."""
+    """Write (n, d) category indices as CSV or parquet.
+
+    The header holds the variables' names, the cells the categories' names.
+    """
     write_table(path, space.names, [list(names.values()) for names in space.names_of(points)])

@@ -10,12 +10,17 @@ from pipeline.errors import InputError
 
 
 def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
-    """Points (n, d) of the rows of tests.parquet; InputError that names a test outside the space or one that breaks a constraint."""
+    """Points (n, d) of the rows of tests.parquet.
+
+    Raises:
+        InputError: naming a test outside the space or one that breaks a constraint.
+    """
     points = np.empty((len(tests), len(space)))
     for column, variable in enumerate(space.variables):
         if variable.name not in tests:
             raise InputError(
-                f"tests have no column '{variable.name}', which the scenario space has; make the campaign again"
+                f"tests have no column '{variable.name}', which the scenario space has; make the "
+                "campaign again"
             )
         for row, value in enumerate(tests[variable.name]):
             try:

@@ -30,7 +30,8 @@ def recorded(folders: Folders, test: str) -> pd.Series:
                 f"study {folders.config.study} has no executed campaign here; make it with ./run"
             )
         raise InputError(
-            f"study {folders.config.study} has no campaign '{campaign}'{hint or nearest(campaign, list(tables))}"
+            f"study {folders.config.study} has no campaign "
+            f"'{campaign}'{hint or nearest(campaign, list(tables))}"
         )
     table = read_tests(tables[campaign]).set_index("test_id", drop=False)
     if test not in table.index:
@@ -46,8 +47,11 @@ def recorded(folders: Folders, test: str) -> pd.Series:
 
 
 def params_of(test: str, params: Path) -> Path:
-    """The configuration of the study that has executed a test: `params`, unless exactly one study with a params.yaml of its own, as
-    `test-detector` makes them, has."""
+    """The configuration of the study that has executed a test.
+
+    `params`, unless exactly one study with a params.yaml of its own, as `test-detector` makes them,
+    has.
+    """
     campaign = test.rpartition("-")[0]
     if params.is_file() and campaign in campaigns(Folders(load(params))):
         return params
@@ -80,7 +84,10 @@ def campaigns(folders: Folders) -> Mapping[str, Path]:
 
 
 def tables_below(folders: Sequence[Path]) -> list[Path]:
-    """Every tests.parquet below some folders, sorted; InputError for a folder without one. A campaign has the tests of its shards."""
+    """Every tests.parquet below some folders, sorted; InputError for a folder without one.
+
+    A campaign has the tests of its shards.
+    """
     found = {
         one: [
             path for path in one.rglob("tests.parquet") if SHARDS not in path.relative_to(one).parts

@@ -17,10 +17,12 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class ScenarioInfo:
-    """The functional scenario of a space. pairs: feasible pairs of categories, which pair coverage counts.
+    """The functional scenario of a space.
 
-    town, people: fingerprints of its town and of its population, empty if it has none. asks_to_brake: whether a pedestrian
-    crosses the ego's path.
+    Attributes:
+        pairs: feasible pairs of categories, which pair coverage counts.
+        town, people: fingerprints of its town and of its population, empty if it has none.
+        asks_to_brake: whether a pedestrian crosses the ego's path.
     """
 
     name: str
@@ -65,7 +67,10 @@ def plain_space(space: Space) -> dict[str, Any]:
 
 
 def space_of(described: Mapping[str, Any]) -> Space:
-    """The space of plain data as from `plain_space`; KeyError, TypeError, ValueError or AttributeError for other data."""
+    """The space of plain data as from `plain_space`.
+
+    KeyError, TypeError, ValueError or AttributeError for other data.
+    """
     return Space.from_dict(described["variables"], described.get("constraints", ()))
 
 

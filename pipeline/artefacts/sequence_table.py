@@ -1,4 +1,7 @@
-"""Tables of frames with times: each sequence becomes one row, with the categories that the rules of a space compute from it."""
+"""Tables of frames with times.
+
+Each sequence becomes one row, with the categories that the rules of a space compute from it.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +26,12 @@ Rows = Callable[[Space, Iterator[Any]], Ints]
 def sequences(
     path: Path, space: SequenceSpace, batches: Iterator[Any], rows: Rows
 ) -> tuple[Any, tuple[str, ...]]:
-    """A table of the names of each sequence's categories, null for an unknown one, and the sequences' names in the order of the table.
+    """A table of the names of each sequence's categories, null for an unknown one, and the
+    sequences' names in the order of the table.
 
-    Raises InputError that names the file: for a frame without a time or a sequence, and for two frames of one sequence at the same time.
+    Raises:
+        InputError: naming the file: for a frame without a time or a sequence, and for two frames of
+            one sequence at the same time.
     """
     times, names = [np.zeros(0)], [pa.array([], pa.string())]
 
@@ -71,7 +77,8 @@ def _numbered(path: Path, space: SequenceSpace, names: Any) -> tuple[tuple[str, 
 def _in_order(path: Path, names: Sequence[str], frames: Frames) -> Frames:
     if len(wrong := np.flatnonzero(~np.isfinite(frames.time_s))):
         raise InputError(
-            f"{path}: row {int(wrong[0]) + 1}: expected a time, as a number of seconds or a timestamp"
+            f"{path}: row {int(wrong[0]) + 1}: expected a time, as a number of seconds or a "
+            "timestamp"
         )
     order = np.lexsort((frames.time_s, frames.sequence))
     time_s, sequence = frames.time_s[order], frames.sequence[order]

@@ -1,4 +1,7 @@
-"""The keys `planes` and `combinations` of a space file: what coverage wants beside every combination of any k conditions."""
+"""The keys `planes` and `combinations` of a space file.
+
+What coverage wants beside every combination of any k conditions.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +21,19 @@ PLANE, COMBINATION = (
 
 
 def read_extras(planes: Any, combinations: Any, variables: Sequence[Variable]) -> Extras:
-    """Named planes and single combinations; ValueError that names the key, what was expected and what came."""
+    """Named planes and single combinations.
+
+    Raises:
+        ValueError: naming the key, what was expected and what came.
+    """
     if not isinstance(planes, Mapping):
         raise ValueError(
             f"planes: expected a mapping such as visibility: {PLANE}, got {shown(planes)}"
         )
     if not isinstance(combinations, list):
         raise ValueError(
-            f"combinations: expected a list of entries such as {COMBINATION}, got {shown(combinations)}"
+            f"combinations: expected a list of entries such as {COMBINATION}, got "
+            f"{shown(combinations)}"
         )
     named = tuple(_planes(name, body, variables) for name, body in planes.items())
     found: dict[tuple[tuple[int, ...], tuple[int, ...]], Combination] = {}
@@ -66,14 +74,16 @@ def _combination(key: str, body: Any, variables: Sequence[Variable]) -> Combinat
     of = body.get("of")
     if not isinstance(of, Mapping) or not 1 <= len(of) <= STRONGEST:
         raise ValueError(
-            f"{key}.of: expected a category for each of 1 to {STRONGEST} conditions, got {shown(of)}"
+            f"{key}.of: expected a category for each of 1 to {STRONGEST} conditions, got "
+            f"{shown(of)}"
         )
     chosen: dict[int, int] = {}
     for condition, category in of.items():
         labels = variables[variable := _index(f"{key}.of", condition, variables)].labels
         if category not in labels:
             raise ValueError(
-                f"{key}.of.{condition}: there is no category {shown(category)}{nearest(str(category), labels)}"
+                f"{key}.of.{condition}: there is no category "
+                f"{shown(category)}{nearest(str(category), labels)}"
             )
         chosen[variable] = labels.index(category)
     rising = tuple(sorted(chosen))

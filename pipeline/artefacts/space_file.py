@@ -1,4 +1,6 @@
-"""Space files: operating conditions with their weights and constraints in YAML, for the `coverage` commands."""
+"""Space files: operating conditions with their weights and constraints in YAML, for the `coverage`
+commands.
+"""
 
 from __future__ import annotations
 
@@ -23,17 +25,25 @@ from pipeline.errors import InputError
 
 PARTS = ("variables", "constraints", "planes", "combinations", *sequence_space.PARTS)
 KEYS = ("values", "interval", "cuts", "cyclic", "unit", "weights")
-EXAMPLE = "weather: {values: [sunny, rainy], weights: {rainy: 3}} or fog: {interval: [0, 100], cuts: [20, 50]}"
-CONSTRAINT = "a text such as 'if fog >= 50 then lights in {on, low}' or a clause such as [lanes = 2, current_lane != 2]"
+EXAMPLE = (
+    "weather: {values: [sunny, rainy], weights: {rainy: 3}} or "
+    "fog: {interval: [0, 100], cuts: [20, 50]}"
+)
+CONSTRAINT = (
+    "a text such as 'if fog >= 50 then lights in {on, low}' or "
+    "a clause such as [lanes = 2, current_lane != 2]"
+)
 MOST_CATEGORIES = 5000
-"""Largest number of values of one variable: more usually means an identifier, or a measurement that needs cuts."""
+"""Largest number of values of one variable: more usually means an identifier, or a measurement that
+needs cuts."""
 
 
 def read_space_file(path: Path) -> Space:
     """Read a space file.
 
-    Raises InputError that names the file and the key: for a missing, wrong, unknown or repeated key, and for contradictory constraints,
-    with as few clauses as contradict each other.
+    Raises:
+        InputError: naming the file and the key: for a missing, wrong, unknown or repeated key, and
+            for contradictory constraints, with as few clauses as contradict each other.
     """
     plain = read_written_yaml(path)
     try:
@@ -83,7 +93,8 @@ def _rules(variables: Mapping[str, Any], frames: tuple[Variable, ...]) -> dict[s
     ruled = {name: body for name, body in variables.items() if sequence_space.is_rule(body)}
     if ruled and not frames:
         raise ValueError(
-            f"variables.{next(iter(ruled))}: a rule needs the conditions of a frame; there is no 'frames'"
+            f"variables.{next(iter(ruled))}: a rule needs the conditions of a frame; there is no "
+            "'frames'"
         )
     one = Space(frames) if frames else None
     return (
@@ -116,7 +127,8 @@ def _constraint(plain: Any) -> Written:
     for literal in plain:
         if not isinstance(literal, str):
             raise ValueError(
-                f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put the text in quotes"
+                f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put the "
+                "text in quotes"
             )
     return tuple(plain)
 
@@ -159,7 +171,8 @@ def _interval(name: str, key: str, body: Mapping[str, Any]) -> Variable:
     )
     if len(interval) != 2 or interval[0] >= interval[1]:
         raise ValueError(
-            f"{key}.interval: expected two numbers, the smaller first, got {_shown(body['interval'])}"
+            f"{key}.interval: expected two numbers, the smaller first, got "
+            f"{_shown(body['interval'])}"
         )
     if any(a >= b for a, b in pairwise((interval[0], *cuts, interval[1]))):
         inside = ", ".join(map(number_text, interval))
@@ -169,11 +182,13 @@ def _interval(name: str, key: str, body: Mapping[str, Any]) -> Variable:
     cyclic = _cyclic(key, body)
     if cyclic and not all(map(isfinite, interval)):
         raise ValueError(
-            f"{key}.interval: a cyclic interval needs two finite ends, got {_shown(body['interval'])}"
+            f"{key}.interval: a cyclic interval needs two finite ends, got "
+            f"{_shown(body['interval'])}"
         )
     if cyclic and len(cuts) == 1:
         raise ValueError(
-            f"{key}.cuts: a cyclic interval needs no cut or at least two, got {_shown(body['cuts'])}"
+            f"{key}.cuts: a cyclic interval needs no cut or at least two, got "
+            f"{_shown(body['cuts'])}"
         )
     return Variable(name, "continuous", _unit(key, body), *interval, cyclic=cyclic, cuts=cuts)
 
@@ -190,7 +205,8 @@ def _values(key: str, plain: Any) -> tuple[str, ...]:
         raise ValueError(f"{key}: expected a list of names, got {_shown(plain)}")
     if len(plain) > MOST_CATEGORIES:
         raise ValueError(
-            f"{key}: expected at most {MOST_CATEGORIES:,} names, got {len(plain):,}; a measurement needs an interval with cuts"
+            f"{key}: expected at most {MOST_CATEGORIES:,} names, got {len(plain):,}; a measurement "
+            "needs an interval with cuts"
         )
     seen: set[str] = set()
     for value in plain:

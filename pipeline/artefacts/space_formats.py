@@ -1,4 +1,7 @@
-"""Spaces in any of the formats that are read: our space files, PICT and ACTS models, OpenODD files."""
+"""Spaces in any of the formats that are read.
+
+Our space files, PICT and ACTS models, OpenODD files.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,12 @@ from pipeline.core.space import Space
 
 
 def read_space_of_any_format(path: Path) -> Space:
-    """Read a space: `.xml` is an ACTS model, `.txt` an ACTS model if it begins with [System] and else a PICT model, the rest is YAML:
-    an OpenODD file if it has a section of one, else a space file.
+    """Read a space: `.xml` is an ACTS model, `.txt` an ACTS model if it begins with [System] and
+    else a PICT model, the rest is YAML: an OpenODD file if it has a section of one, else a space
+    file.
 
-    Raises InputError that names the file, the place and what was expected.
+    Raises:
+        InputError: naming the file, the place and what was expected.
     """
     suffix = path.suffix.lower()
     if suffix == ".xml" or (

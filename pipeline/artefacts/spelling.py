@@ -1,4 +1,7 @@
-"""Finds the category that a text of a table means: the one written like it, or the only one that is the same value spelt differently."""
+"""Finds the category that a text of a table means.
+
+The one written like it, or the only one that is the same value spelt differently.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +20,9 @@ TIME = re.compile(
 class Spellings:
     """The names of categories, which must be distinct.
 
-    A text that is no name means a name with other space around it, the same truth value, number (exactly) or time (UTC, if it has no zone),
-    if there is only one such name: `2.0` means `2`, but with the names `1` and `1.0`, `1.00` means neither.
+    A text that is no name means a name with other space around it, the same truth value, number
+    (exactly) or time (UTC, if it has no zone), if there is only one such name: `2.0` means `2`, but
+    with the names `1` and `1.0`, `1.00` means neither.
     """
 
     def __init__(self, names: Sequence[str]) -> None:

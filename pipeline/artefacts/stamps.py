@@ -1,7 +1,8 @@
-"""Stamps: the file beside a job's first output that says what the outputs depend on, and lists the digest of each.
+"""Stamps: the file beside a job's first output that says what the outputs depend on, and lists the
+digest of each.
 
-Line 1 is the stamp proper, the last line the digest of the lines above it; the lines between are those of `sha256sum`. A damaged stamp
-counts as none.
+Line 1 is the stamp proper, the last line the digest of the lines above it; the lines between are
+those of `sha256sum`. A damaged stamp counts as none.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from pipeline.errors import InputError
 
 SUFFIX = ".stamp"
 LEVELS = 3
-"""A file's digest is in a stamp of its own folder or of the two above it: a data set's images lie two below their stamp."""
+"""A file's digest is in a stamp of its own folder or of the two above it: a data set's images lie
+two below their stamp."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,10 @@ class Stamp:
 
 
 def made(path: Path, depends: str, outputs: Iterable[Path]) -> Stamp:
-    """The stamp, to be written at `path`, of outputs that are there: files, or folders with all files in them."""
+    """The stamp, to be written at `path`, of outputs that are there.
+
+    Files, or folders with all files in them.
+    """
     files = [
         file
         for output in outputs
@@ -66,7 +71,9 @@ def read(path: Path) -> Stamp | None:
 
 
 def withdraw(path: Path) -> None:
-    """Remove a stamp, so that Snakemake makes its job's files again and nothing compares them with it."""
+    """Remove a stamp, so that Snakemake makes its job's files again and nothing compares them with
+    it.
+    """
     remove(path)
     _listed.cache_clear()
 
@@ -80,21 +87,27 @@ def remove(path: Path) -> None:
 
 
 def check(path: Path, data: bytes) -> None:
-    """Compare a file's bytes with the digest that a stamp lists for it, if one does; InputError if they differ."""
+    """Compare a file's bytes with the digest that a stamp lists for it, if one does.
+
+    Raises:
+        InputError: if they differ.
+    """
     known = _known(path.absolute())
     if known is not None and hashlib.sha256(data).hexdigest() != known[0]:
         stamp = (
             known[1].relative_to(Path.cwd()) if known[1].is_relative_to(Path.cwd()) else known[1]
         )
         raise InputError(
-            f"{path}: damaged or edited, its SHA-256 is not the one in {stamp}; make it again (in a study, ./run does)"
+            f"{path}: damaged or edited, its SHA-256 is not the one in {stamp}; make it again (in "
+            "a study, ./run does)"
         )
 
 
 def damaged(root: Path) -> Iterator[tuple[Path, Path]]:
     """The damaged files below a folder, each with its stamp; a damaged stamp comes with itself.
 
-    Deleted files are not damaged, except those inside a folder that is still there: Snakemake sees only the folder.
+    Deleted files are not damaged, except those inside a folder that is still there: Snakemake sees
+    only the folder.
     """
     for path in sorted(root.rglob(f"*{SUFFIX}")):
         stamp = read(path)
@@ -125,7 +138,11 @@ def _known(path: Path) -> tuple[str, Path] | None:
 
 @lru_cache(maxsize=256)
 def _listed(folder: Path, changed_ns: int) -> Mapping[str, tuple[str, Path]]:
-    """All digests that the stamps in a folder list. changed_ns: of the folder, as a key: every written stamp changes it."""
+    """All digests that the stamps in a folder list.
+
+    Args:
+        changed_ns: of the folder, as a key: every written stamp changes it.
+    """
     stamps = {path: read(path) for path in sorted(folder.glob(f"*{SUFFIX}"))}
     return {
         name: (value, path)

@@ -24,13 +24,21 @@ EPOCH = datetime(1970, 1, 1)
 MOST_DIFFERENT = 100_000
 """Different values of a column that are kept, at most."""
 HINTED = 12
-"""Most frequent wrong values that get a hint: to look for the nearest of thousands of names takes a third of a second."""
+"""Most frequent wrong values that get a hint: to look for the nearest of thousands of names takes a
+third of a second."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Why rows are imperfect. text: what was expected and what came. row: the first such row, from 0. rows: their number. left_out: whether
-    they break a constraint and so do not count; else they count for their other conditions."""
+    """Why rows are imperfect.
+
+    Attributes:
+        text: what was expected and what came.
+        row: the first such row, from 0.
+        rows: their number.
+        left_out: whether they break a constraint and so do not count; else they count for their
+            other conditions.
+    """
 
     text: str
     row: int
@@ -48,8 +56,11 @@ class _Rows:
 
 @dataclass
 class Meanings:
-    """What the values of one variable's column mean. A name is what the space file writes, or the same truth value, number or time; a time
-    in a range counts as seconds since 1970, UTC."""
+    """What the values of one variable's column mean.
+
+    A name is what the space file writes, or the same truth value, number or time; a time in a range
+    counts as seconds since 1970, UTC.
+    """
 
     variable: Variable
     _rows: int = 0
@@ -65,8 +76,11 @@ class Meanings:
         self._names = Spellings(self.variable.values)
 
     def categories(self, column: Column) -> Ints:
-        """Category indices of the next (n,) values or names of categories, -1 where there is none; ValueError for values of a wrong
-        type."""
+        """Category indices of the next (n,) values or names of categories, -1 where there is none.
+
+        Raises:
+            ValueError: for values of a wrong type.
+        """
         different, where = _different(self.variable, column)
         meant = (
             self._named(different)
@@ -129,7 +143,12 @@ class Meanings:
         )
 
     def _note(self, different: Any, wrong: Ints) -> None:
-        """wrong: (n,) places among the different values of those that have no category, -1 for a value with one."""
+        """Note the rows of values without a category.
+
+        Args:
+            wrong: (n,) places among the different values of those that have no category, -1 for a
+                value with one.
+        """
         rows = np.flatnonzero(wrong >= 0)
         places, first, numbers = np.unique(wrong[rows], return_index=True, return_counts=True)
         for at in np.argsort(first):
@@ -150,14 +169,19 @@ class Meanings:
                 self._each.setdefault(value, _Rows(row)).number += number
 
     def _told(self, value: Any, group: int, hint: bool = True) -> str:
-        """What is wrong with a group of different values, the first of which is given. hint: whether to look for the name that is meant."""
+        """What is wrong with a group of different values, the first of which is given.
+
+        Args:
+            hint: whether to look for the name that is meant.
+        """
         expected, categorical = (
             _expected(self.variable, str(value) if hint else ""),
             self.variable.kind == "categorical",
         )
         if group > MOST_CATEGORIES and categorical:
             return (
-                f"{self.variable.name} has {_count(len(self._known))} different values, as an identifier or a measurement has; "
+                f"{self.variable.name} has {_count(len(self._known))} different values, as an "
+                "identifier or a measurement has; "
                 f"expected {expected}, or give it an interval with cuts"
             )
         shown = (
@@ -174,7 +198,10 @@ def _count(number: int) -> str:
 
 
 def numbers_of(name: str, column: Column) -> Floats:
-    """The (n,) numbers of a column, times as seconds since 1970, UTC; nan for what is none. ValueError for values of a wrong type."""
+    """The (n,) numbers of a column, times as seconds since 1970, UTC; nan for what is none.
+
+    ValueError for values of a wrong type.
+    """
     different, where = _different(
         Variable(name, "continuous", low=-np.inf, high=np.inf, cuts=(0,)), column
     )
@@ -182,14 +209,17 @@ def numbers_of(name: str, column: Column) -> Floats:
 
 
 def _different(variable: Variable, column: Column) -> tuple[Any, Ints]:
-    """The (m,) different values of a column, as an Arrow array, and the (n,) places of its values among them; m for null.
+    """The (m,) different values of a column, as an Arrow array, and the (n,) places of its values
+    among them; m for null.
 
-    Numbers in a range count as different, because each is cheaper to place than to find among others.
+    Numbers in a range count as different, because each is cheaper to place than to find among
+    others.
     """
     kind = column.type
     if pa.types.is_nested(kind) or pa.types.is_binary(kind) or pa.types.is_large_binary(kind):
         raise ValueError(
-            f"{variable.name}: expected texts, numbers, booleans or times, got values of type {kind}"
+            f"{variable.name}: expected texts, numbers, booleans or times, got values of type "
+            f"{kind}"
         )
     if pa.types.is_null(kind) or pa.types.is_float16(kind):
         column = column.cast(pa.string() if pa.types.is_null(kind) else pa.float32())
@@ -262,7 +292,8 @@ def _numbers(different: Any) -> Floats:
 
 def _expected(variable: Variable, wrong: str = "") -> str:
     if variable.kind != "categorical":
-        return f"a number in [{number_text(variable.low)}, {number_text(variable.high)}] {variable.unit}".rstrip()
+        ends = f"[{number_text(variable.low)}, {number_text(variable.high)}]"
+        return f"a number in {ends} {variable.unit}".rstrip()
     close = difflib.get_close_matches(wrong, variable.values, n=1, cutoff=0.5) if wrong else []
     shown = variable.values if len(variable.values) <= 12 else (*variable.values[:6], "…")
     return f"one of {', '.join(shown)}" + (f" (did you mean '{close[0]}'?)" if close else "")

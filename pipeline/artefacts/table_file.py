@@ -31,8 +31,14 @@ BUFFER = 1 << 20
 
 @dataclass(frozen=True)
 class OpenTable:
-    """header: names of all columns. columns: those asked for that are there. batches: Arrow tables of these, to be read once; a CSV has
-    texts, and null for nothing between commas."""
+    """A table that is read batch by batch.
+
+    Attributes:
+        header: names of all columns.
+        columns: those asked for that are there.
+        batches: Arrow tables of these, to be read once; a CSV has texts, and null for nothing
+            between commas.
+    """
 
     header: tuple[str, ...]
     columns: tuple[str, ...]
@@ -41,7 +47,12 @@ class OpenTable:
 
 @dataclass(frozen=True)
 class Table:
-    """A whole table. header: names of all columns. columns: those asked for that are there, as Arrow arrays."""
+    """A whole table.
+
+    Attributes:
+        header: names of all columns.
+        columns: those asked for that are there, as Arrow arrays.
+    """
 
     header: tuple[str, ...]
     columns: dict[str, Any]
@@ -49,10 +60,12 @@ class Table:
 
 
 def open_table(path: Path, wanted: Sequence[str]) -> OpenTable:
-    """Open a table to read the columns that are wanted and there batch by batch, the next batch while one is in use.
+    """Open a table to read the columns that are wanted and there batch by batch, the next batch
+    while one is in use.
 
-    Raises InputError, here or from the batches, that names the file and what is wrong: another format or separator, a wanted column twice,
-    a row with more or fewer fields than the header.
+    Raises:
+        InputError: here or from the batches, that names the file and what is wrong: another format
+            or separator, a wanted column twice, a row with more or fewer fields than the header.
     """
     if not path.exists():
         raise InputError(f"{path}: expected {READ}, got no such file")

@@ -1,6 +1,9 @@
-"""The five tables of a campaign: tests, signals, detections, frames and timings, as Parquet with units in the fields' metadata.
+"""The five tables of a campaign.
 
-Every write and every read checks the schema. Equal rows give equal bytes; wall-clock times appear in timings.parquet alone.
+Tests, signals, detections, frames and timings, as Parquet with units in the fields' metadata.
+
+Every write and every read checks the schema. Equal rows give equal bytes; wall-clock times appear
+in timings.parquet alone.
 """
 
 from __future__ import annotations
@@ -52,7 +55,8 @@ TESTS = (
     Column("reason", str, "reason of the error, else empty"),
     *KPIS,
 )
-"""Columns of tests.parquet before the scenario variables. A test with status `error` has a reason and `NO_KPI`."""
+"""Columns of tests.parquet before the scenario variables. A test with status `error` has a reason
+and `NO_KPI`."""
 SIGNAL_TABLE = (TEST_ID, Column("step", int, "number of the time step, from 0"), *SIGNALS)
 FRAMES = (
     TEST_ID,
@@ -68,7 +72,8 @@ FRAMES = (
     Column(
         "contrast",
         float,
-        "mean difference in grey levels between the pedestrian's visible pixels and their surroundings",
+        "mean difference in grey levels between the pedestrian's visible pixels and their "
+        "surroundings",
     ),
     Column("false_positives", int, "false positives of the detector in this frame"),
     Column(
@@ -84,7 +89,8 @@ DETECTIONS = (
     Column(
         "score",
         float,
-        "its score, at least 0.05, or the detector's threshold if that is lower; a detection below the threshold is not reported",
+        "its score, at least 0.05, or the detector's threshold if that is lower; a detection below "
+        "the threshold is not reported",
     ),
     Column("in_path", bool, "whether the foot of the box lies in the ego's path"),
 )
@@ -113,7 +119,8 @@ WHY = (
     Column(
         "change",
         str,
-        f"what is changed, such as `no rain`; `{UNCHANGED}` is the failure as its campaign executed it",
+        f"what is changed, such as `no rain`; `{UNCHANGED}` is the failure as its campaign "
+        "executed it",
     ),
     Column("status", str, "whether the simulation ended in an error", allowed=("ok", "error")),
     Column("reason", str, "reason of the error, else empty"),
@@ -127,18 +134,30 @@ WHY = (
 
 
 def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
-    """Write one row per test, in the given order: `TESTS`, then one column per scenario variable (categories by name). The file's metadata
-    have the space that the tests were drawn from."""
+    """Write one row per test, in the given order.
+
+    `TESTS`, then one column per scenario variable (categories by name).
+
+    The file's metadata have the space that the tests were drawn from.
+    """
     _write(path, tests, TESTS, space)
 
 
 def read_tests(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read tests.parquet, or some of its columns; InputError that names the file if it is truncated or not such a table."""
+    """Read tests.parquet, or some of its columns.
+
+    Raises:
+        InputError: naming the file if it is truncated or not such a table.
+    """
     return _read(path, "tests", columns)
 
 
 def space_of_tests(path: Path) -> Space:
-    """The space that the tests of tests.parquet were drawn from; InputError if the file does not say."""
+    """The space that the tests of tests.parquet were drawn from.
+
+    Raises:
+        InputError: if the file does not say.
+    """
     try:
         return space_of(json.loads((_opened(path).schema_arrow.metadata or {})[b"space"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -163,17 +182,28 @@ def write_signals(path: Path, signals: pd.DataFrame) -> None:
 
 
 def read_signals(path: Path) -> pd.DataFrame:
-    """Read signals.parquet; InputError that names the file if it is truncated or not such a table."""
+    """Read signals.parquet.
+
+    Raises:
+        InputError: naming the file if it is truncated or not such a table.
+    """
     return _read(path, "signals")
 
 
 def write_detections(path: Path, detections: pd.DataFrame) -> None:
-    """Write one row per detection, in the order of tests, steps and descending scores: `DETECTIONS`."""
+    """Write one row per detection, in the order of tests, steps and descending scores.
+
+    `DETECTIONS`.
+    """
     _write(path, detections, DETECTIONS)
 
 
 def read_detections(path: Path) -> pd.DataFrame:
-    """Read detections.parquet; InputError that names the file if it is truncated or not such a table."""
+    """Read detections.parquet.
+
+    Raises:
+        InputError: naming the file if it is truncated or not such a table.
+    """
     return _read(path, "detections")
 
 
@@ -183,7 +213,11 @@ def write_frames(path: Path, frames: pd.DataFrame) -> None:
 
 
 def read_frames(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read frames.parquet, or some of its columns (without `image` it is small); InputError if it is truncated or not such a table."""
+    """Read frames.parquet, or some of its columns (without `image` it is small).
+
+    Raises:
+        InputError: if it is truncated or not such a table.
+    """
     return _read(path, "frames", columns)
 
 
@@ -193,14 +227,20 @@ def write_timings(path: Path, timings: pd.DataFrame) -> None:
 
 
 def read_timings(path: Path) -> pd.DataFrame:
-    """Read timings.parquet; InputError that names the file if it is truncated or not such a table."""
+    """Read timings.parquet.
+
+    Raises:
+        InputError: naming the file if it is truncated or not such a table.
+    """
     return _read(path, "timings")
 
 
 def write_campaign(out: Path, rows_of: Callable[[str], pd.DataFrame], space: Space) -> None:
     """Write the tables of a campaign beside `out`, its tests.parquet, which comes last.
 
-    rows_of: the rows by name, as in `TABLES`, asked for one after the other; a table without rows needs no columns.
+    Args:
+        rows_of: the rows by name, as in `TABLES`, asked for one after the other; a table without
+            rows needs no columns.
     """
     own = {
         "signals": write_signals,
@@ -223,7 +263,11 @@ def _filled(rows: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 
 def read_campaigns(tests: Sequence[Path], name: str) -> pd.DataFrame:
-    """The rows of a table, as in `TABLES`, of several campaigns, one after the other. tests: of each, its tests.parquet."""
+    """The rows of a table, as in `TABLES`, of several campaigns, one after the other.
+
+    Args:
+        tests: of each, its tests.parquet.
+    """
     return pd.concat(
         [_read(path.with_name(f"{name}.parquet"), name) for path in tests], ignore_index=True
     )
@@ -235,7 +279,11 @@ def write_why(path: Path, rows: pd.DataFrame) -> None:
 
 
 def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
-    """The campaign of the rows of tests.parquet; InputError that names the file if they belong to none or to several."""
+    """The campaign of the rows of tests.parquet.
+
+    Raises:
+        InputError: naming the file if they belong to none or to several.
+    """
     found = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
     if len(found) != 1:
         raise InputError(
@@ -305,7 +353,8 @@ def _write(
     )
     if missing or unknown:
         raise ValueError(
-            f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown {sorted(unknown)}"
+            f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown "
+            f"{sorted(unknown)}"
         )
     arrays = [pa.array(frame[field.name], field.type, from_pandas=True) for field in schema]
     about = {"blindspot": FORMAT, **({"space": json.dumps(plain_space(space))} if space else {})}
@@ -337,7 +386,8 @@ def _read(path: Path, name: str, columns: Sequence[str] | None = None) -> pd.Dat
         table = file.read(columns=list(columns) if columns is not None else None)
     except (pa.ArrowException, OSError) as error:
         raise InputError(
-            f"{path}: expected a Parquet file, got a damaged one ({error}); if a study made it, ./run makes it again"
+            f"{path}: expected a Parquet file, got a damaged one ({error}); if a study made it, "
+            "./run makes it again"
         ) from error
     problem = _problem(table, expected)
     if problem:
@@ -352,7 +402,8 @@ def _opened(path: Path) -> pq.ParquetFile:
         return pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
         raise InputError(
-            f"{path}: expected a Parquet file, got a truncated or foreign one ({error}); if a study made it, ./run makes it again"
+            f"{path}: expected a Parquet file, got a truncated or foreign one ({error}); if a "
+            "study made it, ./run makes it again"
         ) from error
 
 
@@ -374,7 +425,9 @@ def _problem(table: pa.Table, expected: Sequence[Column]) -> str:
 
 
 def detection_columns(detections: Sequence[FrameDetections]) -> dict[str, NDArray[Any]]:
-    """The columns of detections.parquet, without test_id, for the detections of a test by time step."""
+    """The columns of detections.parquet, without test_id, for the detections of a test by time
+    step.
+    """
     counts = [len(one.detections.scores) for one in detections]
     boxes = np.concatenate([np.zeros((0, 4)), *(one.detections.boxes for one in detections)])
     scores = np.concatenate([np.zeros(0), *(one.detections.scores for one in detections)])
