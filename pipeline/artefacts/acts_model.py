@@ -57,7 +57,10 @@ def acts_text_space(text: str, name: str) -> Space:
             if not line or line.startswith("--"):
                 continue
             if line.startswith("["):
-                section = _section(where, line)
+                section = line.strip("[] ").lower()
+                if section not in SECTIONS:
+                    hint = nearest(section, SECTIONS)
+                    raise ValueError(f"{where}: unknown section {line}{hint}")
             elif section in REFUSED:
                 raise ValueError(f"{where}: {REFUSED[section]}")
             elif section == "parameter":
@@ -69,13 +72,6 @@ def acts_text_space(text: str, name: str) -> Space:
         return _space(parameters, constraints)
     except ValueError as error:
         raise InputError(f"{name}: {error}") from error
-
-
-def _section(where: str, line: str) -> str:
-    section = line.strip("[] ").lower()
-    if section not in SECTIONS:
-        raise ValueError(f"{where}: unknown section {line}{nearest(section, SECTIONS)}")
-    return section
 
 
 def _parameter(where: str, line: str) -> Named:
@@ -104,7 +100,7 @@ def acts_xml_space(text: str, name: str) -> Space:
         if root.tag != "System":
             raise ValueError(f"expected the element System, got {root.tag}")
         for path, why in (("Relations/Relation", "relation"), ("Testset/*", "test set")):
-            if [found for found in root.findall(path) if found.get("Default") != "true"]:
+            if any(part.get("Default") != "true" for part in root.findall(path)):
                 raise ValueError(f"System/{path}: {REFUSED[why]}")
         parameters = [
             _element(index, element)
@@ -164,11 +160,12 @@ def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) 
 
 
 def _typed(where: str, name: str, kind: str, values: list[str]) -> Typed:
-    numeric, truth = (
-        all(map(NUMBER.fullmatch, values)),
-        all(value.lower() in TRUTH for value in values),
-    )
-    kind = kind or ("int" if numeric else "boolean" if truth else "enum")
+    numeric = all(map(NUMBER.fullmatch, values))
+    truth = all(value.lower() in TRUTH for value in values)
+    if not kind and numeric:
+        kind = "int"
+    elif not kind:
+        kind = "boolean" if truth else "enum"
     if kind not in KINDS.values():
         raise ValueError(f"{where}: the type of {name} must be int, enum or boolean, got {kind!r}")
     if (kind == "int" and not numeric) or (kind == "boolean" and not truth):

@@ -44,11 +44,18 @@ class DataSet:
             if name in seen:
                 raise InputError(f"{path}: the image {name} appears twice")
             seen.add(name)
-        known = dict.fromkeys(condition for _, said in rows for condition in said)
-        return DataSet(
-            tuple(name for name, _ in rows),
-            {condition: [said.get(condition) for _, said in rows] for condition in known},
-        )
+        conditions: dict[str, list[Any]] = {}
+        for condition in dict.fromkeys(key for _, values in rows for key in values):
+            conditions[condition] = [values.get(condition) for _, values in rows]
+        return DataSet(tuple(name for name, _ in rows), conditions)
+
+
+ARTICLES: Mapping[type, str] = {
+    str: "a text",
+    list: "a list",
+    dict: "a mapping",
+    int: "a whole number",
+}
 
 
 def member(path: Path, plain: Any, key: str, kind: type, where: str = "") -> Any:
@@ -60,11 +67,7 @@ def member(path: Path, plain: Any, key: str, kind: type, where: str = "") -> Any
     place = f"{where}.{key}" if where else key
     if not isinstance(plain, Mapping) or key not in plain:
         got = f"keys {', '.join(map(str, plain))}" if isinstance(plain, Mapping) else shown(plain)
-        raise InputError(f"{path}: {place}: expected {_article(kind)}, got none, only {got[:200]}")
+        raise InputError(f"{path}: {place}: expected {ARTICLES[kind]}, got none, only {got[:200]}")
     if not isinstance(plain[key], kind) or (kind is int and isinstance(plain[key], bool)):
-        raise InputError(f"{path}: {place}: expected {_article(kind)}, got {shown(plain[key])}")
+        raise InputError(f"{path}: {place}: expected {ARTICLES[kind]}, got {shown(plain[key])}")
     return plain[key]
-
-
-def _article(kind: type) -> str:
-    return {str: "a text", list: "a list", dict: "a mapping", int: "a whole number"}[kind]

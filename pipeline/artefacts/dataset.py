@@ -224,23 +224,20 @@ def place_dataset(source: Path, root: Path) -> None:
 
     `source` keeps its files, so that a kill loses none.
     """
-    for made in (
-        source / name for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE)
-    ):
-        if made.exists():
-            stamps.remove(root / made.name)
-        for file in (path for path in (made, *made.rglob("*")) if path.is_file()):
-            _link(file, root / file.relative_to(source))
+    for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE):
+        part = source / name
+        if part.exists():
+            stamps.remove(root / name)
+        for file in (part, *part.rglob("*")):
+            if not file.is_file():
+                continue
+            path = root / file.relative_to(source)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                path.hardlink_to(file)
+            except OSError:  # A disk without second names.
+                write_bytes(path, file.read_bytes(), flush=False)
     flush_all()
-
-
-def _link(source: Path, path: Path) -> None:
-    """Give a file a second name; a copy of it where the disk has no second names."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        path.hardlink_to(source)
-    except OSError:
-        write_bytes(path, source.read_bytes(), flush=False)
 
 
 def images_sha256(root: Path, records: Iterable[Record]) -> str:

@@ -32,7 +32,7 @@ class Folders:
     def goals(self) -> list[str]:
         """The files that a run of the whole study makes in the end."""
         reported = ["report.html", "evidence/base.json", "tracking.json"]
-        made = {
+        outputs = {
             "report": reported,
             "base": ["models/base/model.json"],
             "front_car": ["front_car.html"],
@@ -43,8 +43,8 @@ class Folders:
             for name in self.config.tested
             for path in (f"reports/{name}.html", f"evidence/{name}.json")
         ]
-        made["detectors"] = [*pages, "measures.json", *compared]
-        return [f"{self.root}/{name}" for name in made[self.config.goal]]
+        outputs["detectors"] = [*pages, "measures.json", *compared]
+        return [f"{self.root}/{name}" for name in outputs[self.config.goal]]
 
     @property
     def compared(self) -> dict[str, str]:

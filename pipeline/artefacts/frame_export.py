@@ -101,9 +101,9 @@ def _write_table(out: Path, table: pd.DataFrame, records: list[Record]) -> None:
             for r in records
         ]
     )
-    own = table.drop(columns="image")
+    columns = table.drop(columns="image")
     ordered = pd.concat(
-        [files[["file", "split"]], own, files.drop(columns=["file", "split"])], axis=1
+        [files[["file", "split"]], columns, files.drop(columns=["file", "split"])], axis=1
     )
     write_bytes(
         out / TABLE, ordered.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode()

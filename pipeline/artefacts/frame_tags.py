@@ -34,22 +34,20 @@ def tags_of_tests(frames: Path) -> dict[str, Tags]:
     path = frames.with_name("tests.parquet")
     if not path.is_file():
         return {}
-    tests, known = read_tests(path), {column.name for column in TESTS}
+    tests = read_tests(path)
     regions = _regions(frames, tests)
-    variables = [str(name) for name in tests.columns if name not in known]
-    return {
-        str(row["test_id"]): {**_ended(row, regions), **{name: row[name] for name in variables}}
-        for _, row in tests.iterrows()
-    }
-
-
-def _ended(row: pd.Series, regions: Mapping[str, str]) -> dict[str, Value]:
-    outcome = "error" if row["status"] != "ok" else "failure" if row["failure"] else "pass"
-    return {
-        "outcome": outcome,
-        "cause": row["cause"] if outcome == "failure" else "",
-        "region": regions.get(row["test_id"], ""),
-    }
+    variables = tests.columns.difference([column.name for column in TESTS], sort=False)
+    tags: dict[str, Tags] = {}
+    for _, row in tests.iterrows():
+        outcome = "failure" if row["failure"] else "pass"
+        outcome = outcome if row["status"] == "ok" else "error"
+        tags[str(row["test_id"])] = {
+            "outcome": outcome,
+            "cause": row["cause"] if outcome == "failure" else "",
+            "region": regions.get(row["test_id"], ""),
+            **{str(name): row[name] for name in variables},
+        }
+    return tags
 
 
 def _regions(frames: Path, tests: pd.DataFrame) -> dict[str, str]:

@@ -68,29 +68,31 @@ def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
     Raises:
         InputError: naming the file and the image.
     """
-    own = _data_set(path, space)
+    images = _data_set(path, space)
     columns = {
-        name: pa.chunked_array([_column(own.conditions[name])])
+        name: pa.chunked_array([_column(images.conditions[name])])
         for name in space.names
-        if name in own.conditions
+        if name in images.conditions
     }
     if metadata is None:
-        if missing := [name for name in space.names if name not in own.conditions]:
+        if missing := [name for name in space.names if name not in images.conditions]:
             raise InputError(
                 f"{path}: the set itself has no {', '.join(missing)}; name a table of image "
                 f"conditions, with a column {KEY}, by --metadata"
             )
-        return Images(Table(tuple(own.conditions), columns, len(own.names)), own.names, 0)
+        return Images(Table(tuple(images.conditions), columns, len(images.names)), images.names, 0)
     table = read_table(metadata, [KEY, *(name for name in space.names if name != KEY)])
     if KEY not in table.columns:
         raise InputError(f"{metadata}: expected a column {KEY}, got {', '.join(table.header)}")
-    found = _rows(path, own.names, table, metadata)
-    rows = pa.array([same[0] for same in found], pa.int64())
+    matched = _rows(path, images.names, table, metadata)
+    rows = pa.array([same[0] for same in matched], pa.int64())
     columns |= {
         name: column.take(rows) for name, column in table.columns.items() if name in space.names
     }
-    unused = table.rows - len({row for same in found for row in same})
-    return Images(Table((*table.header, *own.conditions), columns, len(rows)), own.names, unused)
+    unused = table.rows - len({row for same in matched for row in same})
+    return Images(
+        Table((*table.header, *images.conditions), columns, len(rows)), images.names, unused
+    )
 
 
 def _data_set(path: Path, space: Space) -> DataSet:
@@ -98,37 +100,30 @@ def _data_set(path: Path, space: Space) -> DataSet:
         plain = read_json(path)
         if is_openlabel(plain):
             return openlabel([(path, plain)], space.variables)
-        return bdd100k(path, plain) if is_bdd100k(plain) else _counted(_coco(path, plain))
+        return bdd100k(path, plain) if is_bdd100k(plain) else _coco(path, plain)
     if is_nuscenes(path):
         return nuscenes(path, space.variables)
     if folder := label_folder(path):
         return kitti(folder)
     files = sorted(path.glob("*.json"))
-    if files and not [
-        file
-        for file in path.iterdir()
-        if file.suffix.lower() in (*IMAGES, ".txt") or file.name in PAIR
-    ]:
+    suffixes = {file.suffix.lower() for file in path.iterdir()}
+    flat = suffixes.isdisjoint((*IMAGES, ".txt")) and not any(
+        (path / name).exists() for name in PAIR
+    )
+    if files and flat:
         return openlabel([(file, read_json(file)) for file in files], space.variables)
-    return _counted(_yolo(path))
-
-
-def _counted(counts: dict[str, int]) -> DataSet:
-    return DataSet(tuple(counts), {OBJECTS: list(counts.values())})
+    return _yolo(path)
 
 
 def _column(values: Sequence[Any]) -> Any:
     """Whole numbers as such, all else as texts."""
-    whole = all(isinstance(value, int) for value in values)
-    return (
-        pa.array(values, pa.int64())
-        if whole
-        else pa.array([None if value is None else str(value) for value in values], pa.string())
-    )
+    if all(isinstance(value, int) for value in values):
+        return pa.array(values, pa.int64())
+    return pa.array([None if value is None else str(value) for value in values], pa.string())
 
 
-def _coco(path: Path, plain: Any) -> dict[str, int]:
-    """Number of annotations of each image by file name."""
+def _coco(path: Path, plain: Any) -> DataSet:
+    """The images by file name, with the number of annotations of each."""
     names: dict[Any, str] = {}
     counts: dict[str, int] = {}
     try:
@@ -152,11 +147,11 @@ def _coco(path: Path, plain: Any) -> dict[str, int]:
         raise InputError(
             f"{path}: expected COCO's images and annotations, got {error!r}"
         ) from error
-    return counts
+    return DataSet(tuple(counts), {OBJECTS: list(counts.values())})
 
 
-def _yolo(path: Path) -> dict[str, int]:
-    """Number of labelled objects of each image by path without suffix.
+def _yolo(path: Path) -> DataSet:
+    """The images by path without suffix, with the number of labelled objects of each.
 
     An image without a label file has none.
     """
@@ -175,9 +170,9 @@ def _yolo(path: Path) -> dict[str, int]:
                 f"{path}: {other.name} and {image.name} share one label file, expected one image "
                 "for each"
             )
-    return dict.fromkeys(named, 0) | {
-        _bare(label.relative_to(base)): _objects(label) for label in labels
-    }
+    counts = dict.fromkeys(named, 0)
+    counts |= {_bare(label.relative_to(base)): _objects(label) for label in labels}
+    return DataSet(tuple(counts), {OBJECTS: list(counts.values())})
 
 
 def _both_folders(path: Path) -> tuple[Path, list[Path]]:
@@ -204,9 +199,9 @@ def _bare(path: str | PurePath) -> str:
     Without suffix, `images` and `labels`.
     """
     inside = PurePath(*(part for part in PurePath(path).parts if part not in PAIR))
-    return (
-        inside.with_suffix("") if inside.suffix.lower() in (*IMAGES, ".txt") else inside
-    ).as_posix()
+    if inside.suffix.lower() in (*IMAGES, ".txt"):
+        inside = inside.with_suffix("")
+    return inside.as_posix()
 
 
 def _stem(path: str) -> str:
@@ -223,21 +218,17 @@ def _objects(label: Path) -> int:
     for number, line in enumerate(label.read_text(errors="replace").splitlines(), 1):
         if not (fields := line.split()):
             continue
-        if len(fields) < 5 or not all(map(_is_number, fields)):
+        try:
+            numbers = list(map(float, fields))
+        except ValueError:
+            numbers = []
+        if len(numbers) < 5:
             raise InputError(
                 f"{label}: line {number}: expected a class and at least four numbers, got "
                 f"{line[:80]!r}"
             )
         count += 1
     return count
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> list[list[int]]:
@@ -255,18 +246,18 @@ def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> li
     stems = Counter(map(_stem, images))
     rows = []
     for image in images:
-        found = written.get(image) or bare.get(_bare(image)) or alone.get(_stem(image), [])
-        several = len({_bare(keys[row]) for row in found}) > 1 or (
-            bool(found) and _bare(image) not in bare and stems[_stem(image)] > 1
+        matched = written.get(image) or bare.get(_bare(image)) or alone.get(_stem(image), [])
+        several = len({_bare(keys[row]) for row in matched}) > 1 or (
+            bool(matched) and _bare(image) not in bare and stems[_stem(image)] > 1
         )
-        if not found or several:
+        if not matched or several:
             why = f", and several images are called {_stem(image)}" if several else ""
             raise InputError(
                 f"{metadata}: expected a row for every image of {path}, there is none for "
                 f"{image}{why}"
             )
-        _check_agreement(found, image, table, metadata)
-        rows.append(found)
+        _check_agreement(matched, image, table, metadata)
+        rows.append(matched)
     return rows
 
 

@@ -44,24 +44,22 @@ def kitti(folder: Path) -> DataSet:
     Raises:
         InputError: naming the file and the line.
     """
-    return DataSet.of(folder, [(file.stem, _said(file)) for file in sorted(folder.glob("*.txt"))])
+    files = sorted(folder.glob("*.txt"))
+    return DataSet.of(folder, [(file.stem, _conditions(file)) for file in files])
 
 
-def _said(file: Path) -> dict[str, Any]:
-    objects = [
-        _object(file, number, line)
-        for number, line in enumerate(file.read_text(errors="replace").splitlines(), 1)
-        if line.strip()
-    ]
-    known = [both for both in objects if both is not None]
-    if not known:
+def _conditions(file: Path) -> dict[str, Any]:
+    lines = enumerate(file.read_text(errors="replace").splitlines(), 1)
+    every = [_object(file, number, line) for number, line in lines if line.strip()]
+    objects = [both for both in every if both is not None]
+    if not objects:
         return {"objects": 0, "truncation": NOT_APPLICABLE, "occlusion": NOT_APPLICABLE}
-    levels = {level for _, level in known}
+    levels = {level for _, level in objects}
     unsure = UNKNOWN in levels and OCCLUSIONS[-1] not in levels
     largest = None if unsure else max(level for level in levels if level != UNKNOWN)
     return {
-        "objects": len(known),
-        "truncation": repr(max(truncation for truncation, _ in known)),
+        "objects": len(objects),
+        "truncation": repr(max(truncation for truncation, _ in objects)),
         "occlusion": largest,
     }
 

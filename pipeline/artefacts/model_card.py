@@ -123,8 +123,7 @@ def read_curve(path: Path) -> list[CurvePoint]:
     try:
         table = pd.read_csv(io.BytesIO(read_bytes(path)))[list(CURVE)]
         return [
-            CurvePoint(int(row[0]), *(float(value) for value in row[1:]))
-            for row in table.itertuples(index=False)
+            CurvePoint(int(row[0]), *map(float, row[1:])) for row in table.itertuples(index=False)
         ]
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(

@@ -29,17 +29,17 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
         raise ValueError(f"expected an expression, got {shown(text)}")
     if not concept.is_number:
         return _literals(concept, variable, text)
-    own = bounds(text)
+    limits = bounds(text)
     if variable.kind == "categorical":
-        inside = literals_within(counted, own, concept.unit_type)
-        if own.low == own.high and not inside:
+        inside = literals_within(counted, limits, concept.unit_type)
+        if limits.low == limits.high and not inside:
             raise ValueError(
                 f"{text} is a single number, which is no literal of {variable.name}; use a range"
             )
         return set(inside)
-    own = in_unit(own, variable.unit, concept.unit_type)
-    ends = ends_of(concept, own)
-    low, high = (ends[0] if own.low > -inf else -inf), (ends[-1] if own.high < inf else inf)
+    limits = in_unit(limits, variable.unit, concept.unit_type)
+    ends = ends_of(concept, limits)
+    low, high = (ends[0] if limits.low > -inf else -inf), (ends[-1] if limits.high < inf else inf)
     if low == high:
         raise ValueError(f"{text} is a single number, which is not a category; use a range")
     starts = [variable.low, *(variable.cuts or ())]
@@ -54,7 +54,7 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
     }
 
 
-def ends_of(concept: Concept, own: Bounds) -> list[float]:
+def ends_of(concept: Concept, limits: Bounds) -> list[float]:
     """Where categories begin and end so that bounds hold for whole ones.
 
     For whole numbers, at the first inside and the first after it.
@@ -66,7 +66,9 @@ def ends_of(concept: Concept, own: Bounds) -> list[float]:
         return float(floor(number) + 1 if after else ceil(number))
 
     return [
-        end for end in (first(own.low, own.above), first(own.high, not own.below)) if abs(end) < inf
+        end
+        for end in (first(limits.low, limits.above), first(limits.high, not limits.below))
+        if abs(end) < inf
     ]
 
 

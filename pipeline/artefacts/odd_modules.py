@@ -14,9 +14,9 @@ from pipeline.core.names import nearest
 from pipeline.errors import shown
 
 SECTIONS = ("INCLUDE_AND", "INCLUDE_OR", "EXCLUDE_AND", "EXCLUDE_OR")
-TOLD = ("TITLE", "DESCRIPTION", "COMMENT", "METADATA", "TAGS", "TAG")
+FOR_PEOPLE = ("TITLE", "DESCRIPTION", "COMMENT", "METADATA", "TAGS", "TAG")
 """What a module says to people."""
-KEYS = (*SECTIONS, *TOLD, "ACTIVE", "LABEL", "LABELS")
+KEYS = (*SECTIONS, *FOR_PEOPLE, "ACTIVE", "LABEL", "LABELS")
 TRUTH = {"true": True, "false": False}
 
 Meaning = Callable[[str, str, Any, bool], Expression]
@@ -56,12 +56,12 @@ class Modules:
                 "MODULES: another module refers to each of them; leave at least one that none "
                 f"refers to: {', '.join(self._candidates)}"
             )
-        found = [(name, self._module(name, meaning, True, ())) for name in roots]
-        return [
-            Statement(_where(name), expression)
-            for name, expression in found
-            if expression is not None
-        ]
+        statements = []
+        for name in roots:
+            expression = self._module(name, meaning, True, ())
+            if expression is not None:
+                statements.append(Statement(_where(name), expression))
+        return statements
 
     def _module(
         self, name: str, meaning: Meaning, grows: bool, within: tuple[str, ...]
@@ -120,7 +120,9 @@ class Modules:
             elif key != "METADATA":
                 parts.append(meaning(place, str(key), value, grows))
         active = tuple(part for part in parts if part is not None)
-        return None if not active else Every(active) if operator == "AND" else Some(active)
+        if not active:
+            return None
+        return Every(active) if operator == "AND" else Some(active)
 
     def _reference(
         self,
@@ -136,7 +138,9 @@ class Modules:
         several = [key] if key in self._all else self._labels[key]
         parts = [self._module(name, meaning, grows is holds, within) for name in several]
         active = tuple(part for part in parts if part is not None)
-        return None if not active else Some(active) if holds else Not(Some(active))
+        if not active:
+            return None
+        return Some(active) if holds else Not(Some(active))
 
 
 def _where(name: str) -> str:

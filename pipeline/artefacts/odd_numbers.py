@@ -105,41 +105,34 @@ def bounds(text: str) -> Bounds:
             raise ValueError(f"expected the smaller number first, got {text!r}")
         return Bounds(low, high, match["unit"].strip())
     if match := BOUND.fullmatch(text):
-        number, unit, strict = (
-            float(match["number"]),
-            match["unit"].strip(),
-            len(match["sign"]) == 1,
-        )
-        below = match["sign"].startswith("<")
-        return (
-            Bounds(-inf, number, unit, below=strict)
-            if below
-            else Bounds(number, inf, unit, above=strict)
-        )
+        number, unit, sign = float(match["number"]), match["unit"].strip(), match["sign"]
+        if sign.startswith("<"):
+            return Bounds(-inf, number, unit, below=sign == "<")
+        return Bounds(number, inf, unit, above=sign == ">")
     if match := EQUAL.fullmatch(text):
         number = float(match["number"])
         return Bounds(number, number, match["unit"].strip())
     raise ValueError(f"expected a number with a unit, '< x', '> x' or '[x .. y]', got {text!r}")
 
 
-def in_unit(own: Bounds, unit: str, unit_type: str) -> Bounds:
+def in_unit(limits: Bounds, unit: str, unit_type: str) -> Bounds:
     """The same bounds in another unit; ValueError for a unit of another type."""
     return replace(
-        own,
-        low=converted(own.low, own.unit, unit, unit_type),
-        high=converted(own.high, own.unit, unit, unit_type),
+        limits,
+        low=converted(limits.low, limits.unit, unit, unit_type),
+        high=converted(limits.high, limits.unit, unit, unit_type),
         unit=unit,
     )
 
 
 def converted(number: float, unit: str, wanted: str, unit_type: str) -> float:
     """A number in the wanted unit; ValueError for a unit that the type does not have."""
-    known = UNITS.get(unit_type, {wanted: (1.0, 0.0)} if unit == wanted else {})
-    for one in (unit, wanted):
-        if one not in known:
-            expected = nearest(one, known) if known else f"; {unit_type} has one unit, {wanted}"
-            raise ValueError(f"{one!r} is not a unit of {unit_type}{expected}")
+    units = UNITS.get(unit_type, {wanted: (1.0, 0.0)} if unit == wanted else {})
+    for name in (unit, wanted):
+        if name not in units:
+            expected = nearest(name, units) if units else f"; {unit_type} has one unit, {wanted}"
+            raise ValueError(f"{name!r} is not a unit of {unit_type}{expected}")
     if unit == wanted:
         return number
-    (scale, offset), (to, shift) = known[unit], known[wanted]
+    (scale, offset), (to, shift) = units[unit], units[wanted]
     return float(f"{(number * scale + offset - shift) / to:.{DIGITS}g}")

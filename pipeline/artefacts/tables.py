@@ -29,7 +29,7 @@ from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import KPIS
 from pipeline.core.sight import SIGHT
 from pipeline.core.signals import SIDES, SIGNALS
-from pipeline.core.space import Space, Variable
+from pipeline.core.space import Space
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 
@@ -242,13 +242,13 @@ def write_campaign(out: Path, rows_of: Callable[[str], pd.DataFrame], space: Spa
         rows_of: the rows by name, as in `TABLES`, asked for one after the other; a table without
             rows needs no columns.
     """
-    own = {
+    writers = {
         "signals": write_signals,
         "detections": write_detections,
         "frames": write_frames,
         "timings": write_timings,
     }
-    for name, write in own.items():
+    for name, write in writers.items():
         write(
             out.with_name(f"{name}.parquet"),
             _filled(rows_of(name), [column.name for column in TABLES[name]]),
@@ -284,12 +284,12 @@ def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
     Raises:
         InputError: naming the file if they belong to none or to several.
     """
-    found = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
-    if len(found) != 1:
+    campaigns = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
+    if len(campaigns) != 1:
         raise InputError(
-            f"{path}: expected the tests of one campaign, got {len(found)} campaigns; make it again"
+            f"{path}: expected the tests of one campaign, got {len(campaigns)} campaigns; make it again"
         )
-    scenario, strategy, version, seed = found.iloc[0]
+    scenario, strategy, version, seed = campaigns.iloc[0]
     return CampaignId(str(scenario), str(strategy), str(version), int(seed))
 
 
@@ -322,35 +322,20 @@ def frame_box(row: pd.Series, kind: str) -> Box | None:
     return None if np.isnan(left) else (left, top, right, bottom)
 
 
-def _field(column: Column) -> pa.Field:
-    return pa.field(
-        column.name,
-        TYPES[column.kind],
-        column.kind is float,
-        {"unit": column.unit} if column.unit else None,
-    )
-
-
-def _variable_field(variable: Variable) -> pa.Field:
-    kind = pa.string() if variable.kind == "categorical" else pa.float64()
-    return pa.field(
-        variable.name,
-        kind,
-        nullable=False,
-        metadata={"unit": variable.unit} if variable.unit else None,
-    )
-
-
 def _write(
     path: Path, frame: pd.DataFrame, expected: Sequence[Column], space: Space | None = None
 ) -> None:
-    schema = pa.schema(
-        [*map(_field, expected), *map(_variable_field, space.variables if space else ())]
-    )
-    missing, unknown = (
-        set(schema.names) - set(frame.columns),
-        set(frame.columns) - set(schema.names),
-    )
+    fields = []
+    for column in expected:
+        unit = {"unit": column.unit} if column.unit else None
+        fields.append(pa.field(column.name, TYPES[column.kind], column.kind is float, unit))
+    for variable in space.variables if space else ():
+        kind = pa.string() if variable.kind == "categorical" else pa.float64()
+        unit = {"unit": variable.unit} if variable.unit else None
+        fields.append(pa.field(variable.name, kind, nullable=False, metadata=unit))
+    schema = pa.schema(fields)
+    missing = set(schema.names) - set(frame.columns)
+    unknown = set(frame.columns) - set(schema.names)
     if missing or unknown:
         raise ValueError(
             f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown "
@@ -371,13 +356,13 @@ def _read(path: Path, name: str, columns: Sequence[str] | None = None) -> pd.Dat
     expected = TABLES[name]
     wanted = {column.name: TYPES[column.kind] for column in expected}
     file = _opened(path)
-    found = {field.name: field.type for field in file.schema_arrow}
-    variables = {kind for other, kind in found.items() if other not in wanted}
+    types = {field.name: field.type for field in file.schema_arrow}
+    variables = {kind for other, kind in types.items() if other not in wanted}
     if name == "tests" and variables & {pa.string(), pa.float64()}:
-        found = {known: kind for known, kind in found.items() if known in wanted}
-    if found != wanted:
+        types = {column: kind for column, kind in types.items() if column in wanted}
+    if types != wanted:
         wrong = sorted(
-            {column for column in {*wanted, *found} if wanted.get(column) != found.get(column)}
+            {column for column in {*wanted, *types} if wanted.get(column) != types.get(column)}
         )
         raise InputError(
             f"{path}: expected a {name} table, its columns {wrong} differ; make it again"
@@ -414,13 +399,12 @@ def _problem(table: pa.Table, expected: Sequence[Column]) -> str:
         column = table.column(field.name)
         if not field.nullable and column.null_count:
             return f"column {field.name} must have no empty rows, got {column.null_count}"
-        foreign = (
-            set(column.unique().to_pylist()) - allowed[field.name]
-            if field.name in allowed
-            else set()
-        )
+        if field.name not in allowed:
+            continue
+        foreign = set(column.unique().to_pylist()) - allowed[field.name]
         if foreign:
-            return f"column {field.name} must hold {sorted(allowed[field.name])}, got {sorted(foreign)}"
+            expected_values = sorted(allowed[field.name])
+            return f"column {field.name} must hold {expected_values}, got {sorted(foreign)}"
     return ""
 
 
@@ -428,10 +412,10 @@ def detection_columns(detections: Sequence[FrameDetections]) -> dict[str, NDArra
     """The columns of detections.parquet, without test_id, for the detections of a test by time
     step.
     """
-    counts = [len(one.detections.scores) for one in detections]
-    boxes = np.concatenate([np.zeros((0, 4)), *(one.detections.boxes for one in detections)])
-    scores = np.concatenate([np.zeros(0), *(one.detections.scores for one in detections)])
-    in_path = np.concatenate([np.zeros(0, bool), *(one.in_path for one in detections)])
+    counts = [len(frame.detections.scores) for frame in detections]
+    boxes = np.concatenate([np.zeros((0, 4)), *(frame.detections.boxes for frame in detections)])
+    scores = np.concatenate([np.zeros(0), *(frame.detections.scores for frame in detections)])
+    in_path = np.concatenate([np.zeros(0, bool), *(frame.in_path for frame in detections)])
     return {
         "step": np.repeat(np.arange(len(counts)), counts),
         **dict(zip(SIDES, boxes.T, strict=True)),
