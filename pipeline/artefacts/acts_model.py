@@ -23,7 +23,7 @@ SECTIONS = ("system", "parameter", "relation", "constraint", "test set")
 PARAMETER = re.compile(r"(?P<name>[^(:]+?)\s*(\((?P<kind>[^)]*)\))?\s*:(?P<values>.*)")
 KINDS = {"0": "int", "1": "enum", "2": "boolean"}
 """The numbers of the types in the XML form."""
-REFUSED = {
+REJECTED = {
     "relation": "relations have strengths of their own; a space has one for all, "
     "given by --strength",
     "test set": "existing tests are no part of a space; name their table by --include",
@@ -61,8 +61,8 @@ def acts_text_space(text: str, name: str) -> Space:
                 if section not in SECTIONS:
                     hint = nearest(section, SECTIONS)
                     raise ValueError(f"{where}: unknown section {line}{hint}")
-            elif section in REFUSED:
-                raise ValueError(f"{where}: {REFUSED[section]}")
+            elif section in REJECTED:
+                raise ValueError(f"{where}: {REJECTED[section]}")
             elif section == "parameter":
                 parameters.append(_parameter(where, line))
             elif section == "constraint":
@@ -101,7 +101,7 @@ def acts_xml_space(text: str, name: str) -> Space:
             raise ValueError(f"expected the element System, got {root.tag}")
         for path, why in (("Relations/Relation", "relation"), ("Testset/*", "test set")):
             if any(part.get("Default") != "true" for part in root.findall(path)):
-                raise ValueError(f"System/{path}: {REFUSED[why]}")
+                raise ValueError(f"System/{path}: {REJECTED[why]}")
         parameters = [
             _element(index, element)
             for index, element in enumerate(root.findall("Parameters/Parameter"), 1)

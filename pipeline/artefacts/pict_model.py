@@ -54,57 +54,53 @@ def pict_space(text: str, name: str) -> Space:
 
 def _parameters(lines: list[str]) -> tuple[list[Variable], int]:
     """The parameters, and the index of the first line of the constraints."""
-    found: dict[str, Variable] = {}
+    parameters: dict[str, Variable] = {}
+    start = len(lines)
     for index, line in enumerate(map(str.strip, lines)):
         if not line or line.startswith("#"):
             continue
         if SUB_MODEL.match(line):
-            _refuse(
+            _reject(
                 index,
                 f"the sub-model {line} has a strength of its own; a space has one for all, given "
                 "by --strength",
             )
         if CONSTRAINT.fullmatch(line):
-            return _some(found), index
-        variable = _parameter(index, line, found)
-        if variable.name.upper() in found:
-            _refuse(index, f"the parameter {variable.name} appears twice")
-        found[variable.name.upper()] = variable
-    return _some(found), len(lines)
-
-
-def _some(found: dict[str, Variable]) -> list[Variable]:
-    if not found:
+            start = index
+            break
+        variable = _parameter(index, line, parameters)
+        if variable.name.upper() in parameters:
+            _reject(index, f"the parameter {variable.name} appears twice")
+        parameters[variable.name.upper()] = variable
+    if not parameters:
         raise ValueError("expected parameters such as 'Size: 1, 2, 3', got none")
-    return list(found.values())
+    return list(parameters.values()), start
 
 
-def _parameter(index: int, line: str, known: dict[str, Variable]) -> Variable:
+def _parameter(index: int, line: str, parameters: dict[str, Variable]) -> Variable:
     name, sign, rest = line.partition(":" if ":" in line else ",")
     name = name.strip()
     if not sign or not name:
-        _refuse(index, f"expected a parameter such as 'Size: 1, 2, 3', got {line!r}")
+        _reject(index, f"expected a parameter such as 'Size: 1, 2, 3', got {line!r}")
     if name.startswith("$"):
-        _refuse(index, f"{name} is a result parameter, which a space does not have")
+        _reject(index, f"{name} is a result parameter, which a space does not have")
     if ORDER.fullmatch(name):
-        _refuse(
+        _reject(
             index,
             f"the parameter {name} has a strength of its own; a space has one for all, given by "
             "--strength",
         )
     values: dict[str, int] = {}
     for text in map(str.strip, rest.split(",")):
-        reference = (
-            known.get(text[1:-1].strip().upper()) if text[:1] == "<" and text[-1:] == ">" else None
-        )
-        several = (
-            zip(reference.values, reference.weights, strict=True)
-            if reference
-            else [_value(index, text)]
-        )
-        for value, weight in several:
+        reference = None
+        if text[:1] == "<" and text[-1:] == ">":
+            reference = parameters.get(text[1:-1].strip().upper())
+        weighted = [_value(index, text)] if reference is None else []
+        if reference is not None:
+            weighted = list(zip(reference.values, reference.weights, strict=True))
+        for value, weight in weighted:
             if value in values:
-                _refuse(index, f"the value {value!r} of {name} appears twice")
+                _reject(index, f"the value {value!r} of {name} appears twice")
             values[value] = weight
     return Variable(name, "categorical", values=tuple(values), weights=tuple(values.values()))
 
@@ -115,9 +111,9 @@ def _value(index: int, text: str) -> tuple[str, int]:
     if (match := WEIGHT.fullmatch(text)) and int(match["weight"]) > 0:
         text, weight = match["value"].strip(), int(match["weight"])
     if weight > HEAVIEST:
-        _refuse(index, f"the weight of {text} must be at most {HEAVIEST}, got {weight}")
+        _reject(index, f"the weight of {text} must be at most {HEAVIEST}, got {weight}")
     if text.startswith("~"):
-        _refuse(
+        _reject(
             index,
             f"{text} is a negative value, which a space does not have; remove it, or its ~ to "
             "count it as any other",
@@ -125,5 +121,5 @@ def _value(index: int, text: str) -> tuple[str, int]:
     return text.split("|")[0].strip(), weight
 
 
-def _refuse(index: int, text: str) -> NoReturn:
+def _reject(index: int, text: str) -> NoReturn:
     raise ValueError(f"line {index + 1}: {text}")
