@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artefacts.tables import frame_box
-from pipeline.core.boxes import Box
 
 STREAM = "camera"
 
@@ -53,11 +52,14 @@ def openlabel(rows: pd.DataFrame, images: Mapping[int, str], camera: Camera) -> 
         frame: dict[str, Any] = {
             "frame_properties": {"streams": {STREAM: {"uri": images[int(str(index))]}}}
         }
-        boxes = [
-            _bbox(name, box)
-            for name in ("visible", "whole")
-            if (box := frame_box(row, name)) is not None
-        ]
+        boxes = []
+        for name in ("visible", "whole"):
+            box = frame_box(row, name)
+            if box is not None:
+                left, top, right, bottom = box
+                # OpenLABEL's boxes: centre, width and height.
+                val = [(left + right) / 2, (top + bottom) / 2, right - left, bottom - top]
+                boxes.append({"name": name, "stream": STREAM, "val": val})
         if boxes:
             numbers = [
                 {"name": name, "val": float(row[name])}
@@ -99,13 +101,3 @@ def _intervals(steps: Sequence[int]) -> list[dict[str, int]]:
     return [
         {"frame_start": start, "frame_end": end} for start, end in zip(starts, ends, strict=True)
     ]
-
-
-def _bbox(name: str, box: Box) -> dict[str, Any]:
-    """OpenLABEL boxes: centre x and y, width and height, pixels."""
-    left, top, right, bottom = box
-    return {
-        "name": name,
-        "stream": STREAM,
-        "val": [(left + right) / 2, (top + bottom) / 2, right - left, bottom - top],
-    }

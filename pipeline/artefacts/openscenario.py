@@ -60,8 +60,8 @@ def write_openscenario(
     if not stem.name:
         raise InputError(f"{out}: expected a name for both files")
     road, story = (stem.with_name(stem.name + suffix) for suffix in (".xodr", ".xosc"))
-    made = {road: open_drive(scenario.town), story: open_scenario(scenario, concrete, road.name)}
-    for path, root in made.items():
+    roots = {road: open_drive(scenario.town), story: open_scenario(scenario, concrete, road.name)}
+    for path, root in roots.items():
         write_bytes(path, xml_bytes(root))
     return road, story
 
@@ -383,8 +383,8 @@ def _motions(scenario: FunctionalScenario, concrete: Mapping[str, Value]) -> dic
     route, speed = scenario.ego.route(), scenario.ego.speed_kmh / 3.6
     motions = {"ego": [(t, route.at(scenario.start_s() + speed * t)) for t in times]}
     for name, actor in scenario.actors.items():
-        own = actor.route()
-        motions[name] = [(t, own.at(actor.travelled(t))) for t in times]
+        path = actor.route()
+        motions[name] = [(t, path.at(actor.travelled(t))) for t in times]
     if scenario.has_pedestrian:
         walking, shift = (float(concrete[name]) for name in WALK)
         motions["pedestrian"] = [(t, scenario.pedestrian_pose(t, walking, shift)) for t in times]

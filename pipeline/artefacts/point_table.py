@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,14 @@ class PointTable:
                 raise InputError(f"{self.path}: {error}") from error
             broken = broken_clauses(self._space.constraints, rows)
             keeps = broken < 0
-            self._note_broken(rows, broken)
+            for clause in map(int, np.unique(broken[broken >= 0])):
+                breaking = np.flatnonzero(broken == clause)
+                fault = self._broken.get(clause)
+                if fault is None:
+                    first = int(breaking[0])
+                    text = self._breaks(clause, rows[first])
+                    fault = Fault(text, self.rows + first, 0, left_out=True)
+                self._broken[clause] = replace(fault, rows=fault.rows + len(breaking))
             self.rows += len(rows)
             self.points += int(keeps.sum())
             self.partial += int(((rows < 0).any(axis=1) & keeps).sum())
@@ -114,36 +122,19 @@ class PointTable:
         if not (self.rows or self._empty):
             raise InputError(f"{self.path}: expected points, got an empty table")
 
-    def _note_broken(self, rows: Ints, broken: Ints) -> None:
-        """A fault for each clause that rows break; broken: as `broken_clauses` gives it."""
-        for clause in map(int, np.unique(broken[broken >= 0])):
-            found = np.flatnonzero(broken == clause)
-            known = self._broken.get(clause)
-            if known is None:
-                known = Fault(
-                    self._breaks(clause, rows[found[0]]),
-                    self.rows + int(found[0]),
-                    0,
-                    left_out=True,
-                )
-            self._broken[clause] = replace(known, rows=known.rows + len(found))
-
     def _breaks(self, clause: int, row: Ints) -> str:
-        space = self._space
-        which = (
-            f"constraint '{space.clause(clause)}'"
-            if clause < len(space.constraints.clauses)
-            else "constraints together"
-        )
-        known = [(v, c) for v, c in zip(space.variables, row, strict=True) if c >= 0]
-        where = ", ".join(
-            f"{variable.name} = {variable.labels[category]}" for variable, category in known
-        )
-        return f"breaks the {which}: {where}"
+        """What a row of categories breaks, and its values."""
+        space, which = self._space, "constraints together"
+        if clause < len(space.constraints.clauses):
+            which = f"constraint '{space.clause(clause)}'"
+        values = []
+        for variable, category in zip(space.variables, row, strict=True):
+            if category >= 0:
+                values.append(f"{variable.name} = {variable.labels[category]}")
+        return f"breaks the {which}: {', '.join(values)}"
 
 
-def _row(fault: Fault) -> int:
-    return fault.row
+_row = attrgetter("row")
 
 
 def read_points(
@@ -188,11 +179,11 @@ def _sequences(path: Path, space: SequenceSpace, empty: bool) -> PointTable:
     Frames that break no rule count, whatever else is wrong with them.
     """
     columns = [*space.frames.names, space.time, *([space.sequence] if space.sequence else [])]
-    opened, read = (
-        _opened(path, columns),
-        lambda frames, batches: PointTable(path, frames, batches, empty).known(),
-    )
-    points, names = sequences(path, space, opened, read)
+
+    def categories(frames: Space, batches: Iterator[Any]) -> Ints:
+        return PointTable(path, frames, batches, empty).known()
+
+    points, names = sequences(path, space, _opened(path, columns), categories)
     table = PointTable(path, space, iter([points]), empty)
     table.images, table.kind = names, "sequence"
     return table
@@ -208,13 +199,12 @@ def _opened(path: Path, columns: Sequence[str]) -> Iterator[Any]:
 
 
 def _check_columns(
-    path: Path, wanted: Sequence[str], found: Sequence[str], header: Sequence[str]
+    path: Path, wanted: Sequence[str], columns: Sequence[str], header: Sequence[str]
 ) -> None:
-    if missing := [name for name in wanted if name not in found]:
-        known = ", ".join(header)
+    if missing := [name for name in wanted if name not in columns]:
         raise InputError(
             f"{path}: expected a column for each condition; there is none for "
-            f"{', '.join(missing)}, only {known}"
+            f"{', '.join(missing)}, only {', '.join(header)}"
         )
 
 

@@ -38,9 +38,8 @@ def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
 
 def concrete(test: pd.Series, space: Space) -> dict[str, Value]:
     """The concrete scenario of one row of tests.parquet: variable -> value in its unit."""
-    return {
-        variable.name: str(test[variable.name])
-        if variable.kind == "categorical"
-        else float(test[variable.name])
-        for variable in space.variables
-    }
+    values: dict[str, Value] = {}
+    for variable in space.variables:
+        value = test[variable.name]
+        values[variable.name] = str(value) if variable.kind == "categorical" else float(value)
+    return values

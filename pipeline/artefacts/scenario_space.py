@@ -76,14 +76,14 @@ def space_of(described: Mapping[str, Any]) -> Space:
 
 def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
     """Read a space; InputError that names the file if it is missing, truncated or not a space."""
-    found = read_json(path)
+    plain = read_json(path)
     try:
-        if found["format"] != FORMAT:
-            raise ValueError(f"format must be {FORMAT}, got {found['format']!r}")
+        if plain["format"] != FORMAT:
+            raise ValueError(f"format must be {FORMAT}, got {plain['format']!r}")
         named = (
-            found[key] for key in ("scenario", "label", "description", "pairs", "town", "people")
+            plain[key] for key in ("scenario", "label", "description", "pairs", "town", "people")
         )
-        return ScenarioInfo(*named, asks_to_brake=found["asks_to_brake"]), space_of(found)
+        return ScenarioInfo(*named, asks_to_brake=plain["asks_to_brake"]), space_of(plain)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"{path}: expected a scenario space, got {error!r}; make it again with define-space"

@@ -61,7 +61,7 @@ def sequence_space(
             "one"
         )
     steady = tuple(variable for variable in space.variables if variable.name not in rules)
-    one = Space((*frames, *steady))
+    joined = Space((*frames, *steady))
     lasting = {
         variable.name: Throughout(len(frames) + place, variable.labels)
         for place, variable in enumerate(steady)
@@ -71,7 +71,7 @@ def sequence_space(
         space.variables,
         space.clauses,
         space.extras,
-        frames=one,
+        frames=joined,
         rules={**rules, **lasting},
         time=time,
         sequence=sequence,
@@ -81,9 +81,9 @@ def sequence_space(
 def read_rule(key: str, body: Mapping[str, Any], frames: Space) -> Rule:
     """A rule over the variables of a frame; ValueError that names what is wrong."""
     kind = next(name for name in RULES if name in body)
-    for known in body:
-        if known not in (*RULES[kind], "weights"):
-            raise ValueError(f"unknown key '{key}.{known}'{nearest(str(known), RULES[kind])}")
+    for name in body:
+        if name not in (*RULES[kind], "weights"):
+            raise ValueError(f"unknown key '{key}.{name}'{nearest(str(name), RULES[kind])}")
     if kind == "course":
         return Course(_with_cuts(f"{key}.course", body["course"], frames))
     if kind == "order":
@@ -121,16 +121,16 @@ def _condition(key: str, text: Any, frames: Space) -> Condition:
 
 
 def _with_cuts(key: str, name: Any, frames: Space) -> int:
-    found = [i for i, variable in enumerate(frames.variables) if variable.name == name]
-    if not found:
+    if name not in frames.names:
         raise ValueError(
             f"{key}: there is no condition of frames "
             f"{shown(name)}{nearest(str(name), frames.names)}"
         )
-    variable = frames.variables[found[0]]
+    index = frames.names.index(name)
+    variable = frames.variables[index]
     if variable.kind == "categorical" or variable.cyclic or not variable.cuts:
         raise ValueError(
             f"{key}: expected a condition with an interval and cuts, which are what a course "
             f"passes; {name} has none"
         )
-    return found[0]
+    return index

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from pipeline.artefacts.table_categories import numbers_of
 from pipeline.core.sequences import Frames, SequenceSpace
-from pipeline.core.space import Floats, Ints, Space
+from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 
 WHOLE = "the table"
@@ -37,30 +37,26 @@ def sequences(
 
     def noted() -> Iterator[Any]:
         for batch in batches:
-            times.append(_times(path, space.time, batch.column(space.time)))
-            names.append(_names(batch, space.sequence))
+            try:
+                times.append(numbers_of(space.time, batch.column(space.time)))
+            except ValueError as error:
+                raise InputError(f"{path}: {error}") from error
+            if space.sequence is None:
+                names.append(pa.array([WHOLE] * batch.num_rows, pa.string()))
+            else:
+                column = batch.column(space.sequence).cast(pa.string())
+                names.append(column.combine_chunks())
             yield batch
 
     categories = rows(space.frames, noted())
-    found, sequence = _numbered(path, space, pa.concat_arrays(names))
-    frames = _in_order(path, found, Frames(categories, np.concatenate(times), sequence, len(found)))
-    points = space.points(frames)
-    return pa.table(
-        {v.name: _labels(v.labels, points[:, i]) for i, v in enumerate(space.variables)}
-    ), found
-
-
-def _times(path: Path, name: str, column: Any) -> Floats:
-    try:
-        return numbers_of(name, column)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
-
-
-def _names(batch: Any, sequence: str | None) -> Any:
-    if sequence is None:
-        return pa.array([WHOLE] * batch.num_rows, pa.string())
-    return batch.column(sequence).cast(pa.string()).combine_chunks()
+    distinct, sequence = _numbered(path, space, pa.concat_arrays(names))
+    unordered = Frames(categories, np.concatenate(times), sequence, len(distinct))
+    points = space.points(_in_order(path, distinct, unordered))
+    columns = {}
+    for variable, column in zip(space.variables, points.T, strict=True):
+        places = pa.array(column, mask=column < 0)
+        columns[variable.name] = pa.array(variable.labels, pa.string()).take(places)
+    return pa.table(columns), distinct
 
 
 def _numbered(path: Path, space: SequenceSpace, names: Any) -> tuple[tuple[str, ...], Ints]:
@@ -89,7 +85,3 @@ def _in_order(path: Path, names: Sequence[str], frames: Frames) -> Frames:
             f"{path}: two frames of {names[int(sequence[at])]} have the time {time_s[at]:.15g}"
         )
     return Frames(frames.categories[order], time_s, sequence, frames.count)
-
-
-def _labels(labels: Sequence[str], column: Ints) -> Any:
-    return pa.array(labels, pa.string()).take(pa.array(column, mask=column < 0))

@@ -64,12 +64,16 @@ def _space(plain: Any) -> Space:
             raise ValueError(f"unknown key '{key}'{nearest(str(key), PARTS)}")
     frames = tuple(_variable(name, body, "frames") for name, body in _frames(plain).items())
     rules = _rules(plain["variables"], frames)
-    variables = tuple(
-        _ruled(name, body, rules[name]) if name in rules else _variable(name, body)
-        for name, body in plain["variables"].items()
-    )
+    variables = []
+    for name, body in plain["variables"].items():
+        if name in rules:
+            labels = rules[name].labels
+            weights = _weights(f"variables.{name}.weights", body.get("weights"), labels)
+            variables.append(Variable(name, "categorical", values=labels, weights=weights))
+        else:
+            variables.append(_variable(name, body))
     extras = read_extras(plain.get("planes") or {}, plain.get("combinations") or [], variables)
-    space = Space(variables, _constraints(plain.get("constraints") or []), extras)
+    space = Space(tuple(variables), _constraints(plain.get("constraints") or []), extras)
     if "sequences" not in plain:
         return space
     return sequence_space.sequence_space(
@@ -96,41 +100,30 @@ def _rules(variables: Mapping[str, Any], frames: tuple[Variable, ...]) -> dict[s
             f"variables.{next(iter(ruled))}: a rule needs the conditions of a frame; there is no "
             "'frames'"
         )
-    one = Space(frames) if frames else None
-    return (
-        {}
-        if one is None
-        else {name: read_rule(f"variables.{name}", body, one) for name, body in ruled.items()}
-    )
-
-
-def _ruled(name: str, body: Mapping[str, Any], rule: Rule) -> Variable:
-    return Variable(
-        name,
-        "categorical",
-        values=rule.labels,
-        weights=_weights(f"variables.{name}.weights", body.get("weights"), rule.labels),
-    )
+    if not frames:
+        return {}
+    space = Space(frames)
+    return {name: read_rule(f"variables.{name}", body, space) for name, body in ruled.items()}
 
 
 def _constraints(plain: Any) -> tuple[Written, ...]:
     if not isinstance(plain, list):
         raise ValueError(f"constraints: expected a list, each {CONSTRAINT}, got {_shown(plain)}")
-    return tuple(map(_constraint, plain))
-
-
-def _constraint(plain: Any) -> Written:
-    if isinstance(plain, str):
-        return plain
-    if not isinstance(plain, list) or not plain:
-        raise ValueError(f"constraints: expected {CONSTRAINT}, got {_shown(plain)}")
-    for literal in plain:
-        if not isinstance(literal, str):
-            raise ValueError(
-                f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put the "
-                "text in quotes"
-            )
-    return tuple(plain)
+    constraints: list[Written] = []
+    for constraint in plain:
+        if isinstance(constraint, str):
+            constraints.append(constraint)
+            continue
+        if not isinstance(constraint, list) or not constraint:
+            raise ValueError(f"constraints: expected {CONSTRAINT}, got {_shown(constraint)}")
+        for literal in constraint:
+            if not isinstance(literal, str):
+                raise ValueError(
+                    f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put "
+                    "the text in quotes"
+                )
+        constraints.append(tuple(constraint))
+    return tuple(constraints)
 
 
 def _variable(name: str, body: Any, part: str = "variables") -> Variable:
@@ -139,9 +132,9 @@ def _variable(name: str, body: Any, part: str = "variables") -> Variable:
         raise ValueError(
             f"{key}: expected values or an interval, as in {EXAMPLE}; got {_shown(body)}"
         )
-    for known in body:
-        if known not in KEYS:
-            raise ValueError(f"unknown key '{key}.{known}'{nearest(str(known), KEYS)}")
+    for part_name in body:
+        if part_name not in KEYS:
+            raise ValueError(f"unknown key '{key}.{part_name}'{nearest(str(part_name), KEYS)}")
     if ("values" in body) == ("interval" in body):
         raise ValueError(f"{key}: expected either values or an interval, as in {EXAMPLE}")
     if "values" in body:
@@ -165,10 +158,8 @@ def _unit(key: str, body: Mapping[str, Any]) -> str:
 
 
 def _interval(name: str, key: str, body: Mapping[str, Any]) -> Variable:
-    interval, cuts = (
-        _numbers(f"{key}.interval", body["interval"], endless=True),
-        _numbers(f"{key}.cuts", body.get("cuts") or []),
-    )
+    interval = _numbers(f"{key}.interval", body["interval"], endless=True)
+    cuts = _numbers(f"{key}.cuts", body.get("cuts") or [])
     if len(interval) != 2 or interval[0] >= interval[1]:
         raise ValueError(
             f"{key}.interval: expected two numbers, the smaller first, got "

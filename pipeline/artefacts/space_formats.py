@@ -24,19 +24,12 @@ def read_space_of_any_format(path: Path) -> Space:
         InputError: naming the file, the place and what was expected.
     """
     suffix = path.suffix.lower()
-    if suffix == ".xml" or (
-        suffix == ".txt"
-        and HEADER.match(_without_comments(read_text(path, "a PICT or ACTS model")))
-    ):
+    if suffix == ".xml":
         return read_acts_model(path)
     if suffix == ".txt":
-        return read_pict_model(path)
-    return (
-        read_odd_file(path)
-        if path.is_file() and BEGINS.search(path.read_bytes())
-        else read_space_file(path)
-    )
-
-
-def _without_comments(text: str) -> str:
-    return "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("--"))
+        lines = read_text(path, "a PICT or ACTS model").splitlines()
+        text = "\n".join(line for line in lines if not line.lstrip().startswith("--"))
+        return read_acts_model(path) if HEADER.match(text) else read_pict_model(path)
+    if path.is_file() and BEGINS.search(path.read_bytes()):
+        return read_odd_file(path)
+    return read_space_file(path)

@@ -17,6 +17,14 @@ TIME = re.compile(
 )
 
 
+def _truth(text: str) -> bool | None:
+    return {"true": True, "false": False}.get(text.strip().lower())
+
+
+def _number(text: str) -> Decimal | None:
+    return Decimal(text.strip()) if NUMBER.fullmatch(text.strip()) else None
+
+
 class Spellings:
     """The names of categories, which must be distinct.
 
@@ -45,24 +53,14 @@ class Spellings:
         return -1
 
 
-def _truth(text: str) -> bool | None:
-    return {"true": True, "false": False}.get(text.strip().lower())
-
-
-def _number(text: str) -> Decimal | None:
-    return Decimal(text.strip()) if NUMBER.fullmatch(text.strip()) else None
-
-
 def time_of(text: str) -> datetime | None:
     """The time that a text says, in UTC and without a zone; None for another text."""
     if not TIME.fullmatch(text.strip()):
         return None
     try:
         time = datetime.fromisoformat(text.strip())
-        return (
-            time.replace(tzinfo=None)
-            if time.tzinfo is None
-            else time.astimezone(UTC).replace(tzinfo=None)
-        )
+        if time.tzinfo is not None:
+            time = time.astimezone(UTC)
+        return time.replace(tzinfo=None)
     except (ValueError, OverflowError):
         return None

@@ -36,7 +36,7 @@ def remember(digest: str, parts: Mapping[str, str]) -> None:
 def differences(old: str, new: str) -> tuple[str, ...]:
     """Names of the smallest parts in which two digests differ.
 
-    Empty if the parts of one are not known.
+    Empty if the parts of either are unknown.
     """
     before, after = _parts(old), _parts(new)
     if not before or not after:

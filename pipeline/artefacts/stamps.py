@@ -30,13 +30,9 @@ class Stamp:
     digests: Mapping[str, str] = field(default_factory=dict)
 
     def text(self) -> str:
-        lines = "".join(
-            f"{line}\n"
-            for line in (
-                self.depends,
-                *(f"{digest}  {name}" for name, digest in sorted(self.digests.items())),
-            )
-        )
+        lines = f"{self.depends}\n"
+        for name, digest in sorted(self.digests.items()):
+            lines += f"{digest}  {name}\n"
         return f"{lines}{hashlib.sha256(lines.encode()).hexdigest()}\n"
 
 
@@ -45,16 +41,13 @@ def made(path: Path, depends: str, outputs: Iterable[Path]) -> Stamp:
 
     Files, or folders with all files in them.
     """
-    files = [
-        file
-        for output in outputs
-        for file in (output.rglob("*") if output.is_dir() else [output])
-        if file.is_file()
-    ]
+    digests = {}
+    for output in outputs:
+        for file in output.rglob("*") if output.is_dir() else [output]:
+            if file.is_file():
+                digests[file.relative_to(path.parent).as_posix()] = digest(file)
     _listed.cache_clear()
-    return Stamp(
-        depends, {file.relative_to(path.parent).as_posix(): digest(file) for file in files}
-    )
+    return Stamp(depends, digests)
 
 
 def read(path: Path) -> Stamp | None:
@@ -64,10 +57,12 @@ def read(path: Path) -> Stamp | None:
     except (OSError, UnicodeDecodeError):
         return None
     first, *listed = text.splitlines()[:-1] or [""]
-    found = Stamp(
-        first, {name: value for value, _, name in (line.partition("  ") for line in listed)}
-    )
-    return found if found.text() == text else None
+    digests = {}
+    for line in listed:
+        value, _, name = line.partition("  ")
+        digests[name] = value
+    stamp = Stamp(first, digests)
+    return stamp if stamp.text() == text else None
 
 
 def withdraw(path: Path) -> None:
@@ -92,11 +87,17 @@ def check(path: Path, data: bytes) -> None:
     Raises:
         InputError: if they differ.
     """
-    known = _known(path.absolute())
-    if known is not None and hashlib.sha256(data).hexdigest() != known[0]:
-        stamp = (
-            known[1].relative_to(Path.cwd()) if known[1].is_relative_to(Path.cwd()) else known[1]
-        )
+    absolute = path.absolute()
+    for folder in absolute.parents[:LEVELS]:
+        listed = _listed(folder, folder.stat().st_mtime_ns)
+        name = absolute.relative_to(folder).as_posix()
+        if name not in listed:
+            continue
+        expected, stamp = listed[name]
+        if hashlib.sha256(data).hexdigest() == expected:
+            return
+        if stamp.is_relative_to(Path.cwd()):
+            stamp = stamp.relative_to(Path.cwd())
         raise InputError(
             f"{path}: damaged or edited, its SHA-256 is not the one in {stamp}; make it again (in "
             "a study, ./run does)"
@@ -127,15 +128,6 @@ def digest(file: Path) -> str:
         return hashlib.file_digest(data, "sha256").hexdigest()
 
 
-def _known(path: Path) -> tuple[str, Path] | None:
-    """The digest that a stamp lists for a file, and the stamp."""
-    for folder in path.parents[:LEVELS]:
-        found = _listed(folder, folder.stat().st_mtime_ns)
-        if (name := path.relative_to(folder).as_posix()) in found:
-            return found[name]
-    return None
-
-
 @lru_cache(maxsize=256)
 def _listed(folder: Path, changed_ns: int) -> Mapping[str, tuple[str, Path]]:
     """All digests that the stamps in a folder list.
@@ -143,10 +135,9 @@ def _listed(folder: Path, changed_ns: int) -> Mapping[str, tuple[str, Path]]:
     Args:
         changed_ns: of the folder, as a key: every written stamp changes it.
     """
-    stamps = {path: read(path) for path in sorted(folder.glob(f"*{SUFFIX}"))}
-    return {
-        name: (value, path)
-        for path, stamp in stamps.items()
-        if stamp
-        for name, value in stamp.digests.items()
-    }
+    listed = {}
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        stamp = read(path)
+        for name, value in stamp.digests.items() if stamp else ():
+            listed[name] = (value, path)
+    return listed

@@ -39,10 +39,6 @@ def shown(plain: Any) -> str:
         and all(isinstance(item, str | None) for item in plain)
     ):
         return f"[{', '.join(map(shown, plain))}]"
-    return (
-        "null"
-        if plain is None
-        else plain
-        if isinstance(plain, str) and plain
-        else reprlib.repr(plain)
-    )
+    if plain is None:
+        return "null"
+    return plain if isinstance(plain, str) and plain else reprlib.repr(plain)
