@@ -91,12 +91,8 @@ class ImageSet:
                 f"images must be (n, h, w, 3) uint8, got {self.images.shape} {self.images.dtype}"
             )
         n = len(self.images)
-        for name, shape in {
-            "boxes": (n, 4),
-            "whole_boxes": (n, 4),
-            "visible_pixels": (n,),
-            "contrast": (n,),
-        }.items():
+        shapes = {"boxes": (n, 4), "whole_boxes": (n, 4), "visible_pixels": (n,), "contrast": (n,)}
+        for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} must have shape {shape}, got {getattr(self, name).shape}")
 
@@ -110,11 +106,10 @@ class ImageSet:
 
     def take(self, indices: NDArray[np.int64], digest: str = "") -> ImageSet:
         """The images at the given indices."""
-        boxes, whole_boxes = self.boxes[indices], self.whole_boxes[indices]
         return ImageSet(
             self.images[indices],
-            boxes,
-            whole_boxes,
+            self.boxes[indices],
+            self.whole_boxes[indices],
             self.visible_pixels[indices],
             self.contrast[indices],
             digest,
@@ -209,14 +204,10 @@ def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
     data set or of a killed writer.
     """
     wanted = {f"{record.split}/{record.index:06d}" for record in records}
-    for path in [
-        *root.glob("images/*/*"),
-        *root.glob("labels/*/*"),
-        *root.glob("segments/*/*"),
-        *root.glob("segments/.*"),
-    ]:
-        if f"{path.parent.name}/{path.stem}" not in wanted:
-            path.unlink()
+    for pattern in ("images/*/*", "labels/*/*", "segments/*/*", "segments/.*"):
+        for path in list(root.glob(pattern)):
+            if f"{path.parent.name}/{path.stem}" not in wanted:
+                path.unlink()
 
 
 def place_dataset(source: Path, root: Path) -> None:
@@ -259,11 +250,10 @@ def write_truth(root: Path, records: Iterable[Record], category: str = "pedestri
     """
     ordered = sorted(records, key=lambda record: (record.split, record.index))
     images = [_image(number, record) for number, record in enumerate(ordered, 1)]
-    annotations = [
-        _annotation(number, r) for number, r in enumerate(ordered, 1) if r.truth.visible_box
-    ]
-    for number, annotation in enumerate(annotations, 1):
-        annotation["id"] = number
+    annotations: list[dict[str, Any]] = []
+    for number, record in enumerate(ordered, 1):
+        if record.truth.visible_box:
+            annotations.append(_annotation(len(annotations) + 1, number, record))
     write_json(
         root / TRUTH_FILE,
         {
@@ -273,11 +263,11 @@ def write_truth(root: Path, records: Iterable[Record], category: str = "pedestri
         },
     )
     splits = {record.split for record in ordered}
-    train, val = ("train" if "train" in splits else "val"), ("val" if "val" in splits else "train")
+    train = "train" if "train" in splits else "val"
+    val = "val" if "val" in splits else "train"
+    # Without `path`, Ultralytics uses the folder of this file.
     names = f"train: images/{train}\nval: images/{val}\nnames:\n  0: {category}\n"
-    write_bytes(
-        root / "dataset.yaml", names.encode()
-    )  # Without `path`, Ultralytics uses the folder of this file.
+    write_bytes(root / "dataset.yaml", names.encode())
 
 
 def read_dataset(root: Path, split: Split) -> ImageSet:
@@ -305,9 +295,8 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
             "validation share"
         )
     digest = hashlib.sha256(read_bytes(path))
-    pixels = np.empty(
-        (len(images), *shapes[0]), np.uint8
-    )  # Filled in place: a second copy might not fit into memory.
+    # Filled in place: a second copy might not fit into memory.
+    pixels = np.empty((len(images), *shapes[0]), np.uint8)
     for place, image in zip(pixels, images, strict=True):
         place[:] = _read_image(root / "images" / image["file_name"], place.shape, digest)
     return _labelled(pixels, truths, digest.hexdigest())
@@ -323,7 +312,8 @@ def read_worlds(root: Path) -> Worlds:
     try:
         shown = [image["attributes"] for image in read_json(path)["images"]]
         return Worlds(
-            *(frozenset(str(attributes[key]) for attributes in shown) for key in ("town", "people"))
+            frozenset(str(attributes["town"]) for attributes in shown),
+            frozenset(str(attributes["people"]) for attributes in shown),
         )
     except (KeyError, TypeError) as error:
         raise InputError(
@@ -353,11 +343,10 @@ def _label(box: Box | None, width: int, height: int) -> str:
 
 
 def _corner_size(box: Box | None) -> list[float] | None:
-    return (
-        None
-        if box is None
-        else [float(box[0]), float(box[1]), float(box[2] - box[0]), float(box[3] - box[1])]
-    )
+    if box is None:
+        return None
+    left, top, right, bottom = box
+    return [float(left), float(top), float(right - left), float(bottom - top)]
 
 
 def _corners(bbox: Sequence[float] | None) -> Box | None:
@@ -378,13 +367,13 @@ def _image(number: int, record: Record) -> dict[str, Any]:
     }
 
 
-def _annotation(number: int, record: Record) -> dict[str, Any]:
+def _annotation(number: int, image: int, record: Record) -> dict[str, Any]:
     truth = record.truth
     bbox = _corner_size(truth.visible_box)
     assert bbox is not None
     return {
-        "id": 0,
-        "image_id": number,
+        "id": number,
+        "image_id": image,
         "category_id": CATEGORY_ID,
         "bbox": bbox,
         "area": bbox[2] * bbox[3],

@@ -1,8 +1,6 @@
-"""Reads and writes whole files.
+"""Reads and writes whole files; every artefact passes through `write_bytes` and `read_bytes`.
 
-Atomic and durable writes, equal bytes for equal content, checked reads, errors that name the file.
-
-Every artefact passes through `write_bytes` and `read_bytes`.
+Writes are atomic and durable, reads are checked against stamps, errors name the file.
 """
 
 from __future__ import annotations
@@ -25,10 +23,13 @@ DIGEST = 65
 
 
 def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
-    """Write a file atomically: readers see the old or the new file, never a part, even after a kill
-    or a power cut; creates its folders.
+    """Write a file atomically, and its folders if they are missing.
+
+    Readers see the old or the new file, never a part, even after a kill or a power cut.
 
     Args:
+        path: the file.
+        data: its content.
         flush: whether the file is on the disk when this returns. A caller that writes many files
             flushes them together, with `flush_all`.
     """
@@ -108,9 +109,10 @@ def write_json(path: Path, plain: Any) -> None:
 
 
 def check_output(path: Path, folder: bool = False) -> None:
-    """InputError if a file, or a folder of files, cannot be written.
+    """Check before the work that a file, or a folder of files, can be written.
 
-    Before the work, not after it.
+    Raises:
+        InputError: if it cannot.
     """
     wanted = "a folder" if folder else "a file"
     if path.exists() and (path.is_dir() is not folder or not (folder or path.is_file())):
@@ -171,9 +173,8 @@ def write_sealed(path: Path, data: bytes) -> None:
 
 def read_sealed(path: Path) -> bytes:
     """Read what `write_sealed` wrote; InputError if it is missing, unreadable or damaged."""
-    data = _read(
-        path
-    )  # Looking for its stamp among thousands of tests would take longer than reading it.
+    # Looking for its stamp among thousands of tests would take longer than reading it.
+    data = _read(path)
     content, line = data[:-DIGEST], data[-DIGEST:]
     if line != f"\n{hashlib.sha256(content).hexdigest()}".encode():
         raise InputError(

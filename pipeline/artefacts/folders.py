@@ -143,17 +143,20 @@ class Folders:
     ) -> list[str]:
         """The file `name` of the search campaigns against a version.
 
-        Of all, or of one scenario, one strategy or some seeds.
-
         Campaigns of later rounds, which test retrained versions, are stored with these versions.
+
+        Args:
+            name: of the file in each campaign's folder.
+            scenario: None for all of the search.
+            strategy: None for all.
+            version: the version under test.
+            seeds: None for all.
         """
         config, described = self.config, self.config.version(version)
         if seeds is None:
             seeds = config.own_seeds(described) if described.round else config.seeds
-        scenarios, strategies = (
-            [scenario] if scenario else config.search,
-            [strategy] if strategy else config.strategies,
-        )
+        scenarios = [scenario] if scenario else config.search
+        strategies = [strategy] if strategy else config.strategies
         root = f"{self._where(described)}/campaigns"
         return [
             f"{root}/{a}/{b}/{version}/{seed}/{name}"
@@ -179,7 +182,7 @@ class Folders:
     def audit(self, version: str) -> list[str]:
         """The tests of the random campaigns beside the searches against a version.
 
-        None if a search is random itself.
+        There are none if a search is random itself.
         """
         scenarios, seeds = self.config.search if self.config.audited else (), self.config.seeds
         return [
@@ -198,7 +201,7 @@ class Folders:
     ) -> list[str]:
         """The tests of the earlier campaigns that a campaign learns from.
 
-        Same version and seed, scenarios before its own.
+        These have the same version and seed, and scenarios before its own.
         """
         return [
             f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet"
@@ -284,10 +287,7 @@ class Folders:
         return f"{self.root}/calibration/{version}.json"
 
     def calibrations(self, versions: Iterable[str]) -> list[str]:
-        """The calibrations of some detectors.
-
-        None unless the study calibrates the detectors that it tests.
-        """
+        """The calibrations of some detectors, if the study calibrates what it tests."""
         return [self.calibration(version) for version in versions] if self.config.calibrate else []
 
     def parent(self, version: str, name: str) -> str:

@@ -42,9 +42,13 @@ def export_frames(frames: Path, out: Path, hfov_deg: float, distortion: float) -
     and openlabel/<test_id>.json.
 
     Args:
-        hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. Removes the files of an
-            earlier export in `out`. InputError if `out` holds anything else, which an export could
-            overwrite.
+        frames: the table.
+        out: a new folder or that of an earlier export, whose files are removed.
+        hfov_deg: horizontal field of view of the camera, degrees.
+        distortion: first radial coefficient of the camera.
+
+    Raises:
+        InputError: if `out` holds anything else, which an export could overwrite.
     """
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: expected a folder to write in, got a file; choose another --out")

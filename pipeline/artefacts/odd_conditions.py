@@ -81,11 +81,9 @@ def _literals(concept: Concept, variable: Variable, text: str) -> set[int]:
         if literal in concept.literals:
             place, last = concept.literals.index(literal), len(concept.literals)
             including = 1 if text[1:2] == "=" else 0
-            return (
-                set(range(place + including))
-                if sign == "<"
-                else set(range(place + 1 - including, last))
-            )
+            if sign == "<":
+                return set(range(place + including))
+            return set(range(place + 1 - including, last))
     raise ValueError(
         f"{text!r} is not a literal of {variable.name}{nearest(text, variable.values)}"
     )

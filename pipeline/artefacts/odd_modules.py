@@ -25,14 +25,16 @@ condition holds."""
 
 
 class Modules:
-    """All modules by name; those under ODD are entry points, or, without ODD, all to which no other
-    module refers.
+    """All modules by name.
+
+    The entry points are those under ODD or, without ODD, all to which no other module refers.
     """
 
     def __init__(self, odd: Mapping[str, Any], others: Mapping[str, Any]) -> None:
-        """Raises ValueError that names the module.
+        """Check the modules.
 
-        For an unknown key, two sections of a kind, and none.
+        Raises:
+            ValueError: naming a module with an unknown key, two sections of a kind, or none.
         """
         self._all = {str(name): plain for name, plain in (*odd.items(), *others.items())}
         if len(self._all) < len(odd) + len(others):

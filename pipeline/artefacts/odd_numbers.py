@@ -1,5 +1,6 @@
-"""Numbers with units in OpenODD files, and the bounds that expressions such as "< 40 km/h" or "[2
-.. 10] mm/h" set.
+"""Numbers with units in OpenODD files, and the bounds that expressions on them set.
+
+Such expressions are "< 40 km/h" and "[2 .. 10] mm/h".
 """
 
 from __future__ import annotations
@@ -72,23 +73,16 @@ class Bounds:
         )
 
     def holds_all(self, other: Bounds) -> bool:
-        """Whether it contains the other, but perhaps for the other's ends.
-
-        Parts touch at their ends.
-        """
-        return (
-            self.holds(other.low)
-            if other.low == other.high
-            else self.low <= other.low and other.high <= self.high
-        )
+        """Whether it contains the other, except perhaps the other's ends, where parts touch."""
+        if other.low == other.high:
+            return self.holds(other.low)
+        return self.low <= other.low and other.high <= self.high
 
     def holds_none(self, other: Bounds) -> bool:
         """Whether both share at most an end."""
-        return (
-            not self.holds(other.low)
-            if other.low == other.high
-            else other.high <= self.low or self.high <= other.low
-        )
+        if other.low == other.high:
+            return not self.holds(other.low)
+        return other.high <= self.low or self.high <= other.low
 
 
 def is_bounds(text: str) -> bool:

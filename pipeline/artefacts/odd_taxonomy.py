@@ -57,9 +57,10 @@ class Taxonomy:
     """Concepts by their names: the shortest end of the path that only one concept has."""
 
     def __init__(self, plain: Mapping[str, Any]) -> None:
-        """Raises ValueError that names the place.
+        """Read the concepts.
 
-        For a wrong leaf, and for a concept with the name of another.
+        Raises:
+            ValueError: naming the place of a wrong leaf, or a concept with the name of another.
         """
         self.concepts: dict[str, Concept] = {}
         concepts = list(_concepts((), plain))

@@ -40,11 +40,10 @@ from pipeline.scenarios.streets import (
 DATE = "2026-01-01T00:00:00"
 """Fixed, so the same scenario gives the same files."""
 JUNCTION_ID = "100"
-WEATHER, WALK = (
-    ("rain", "fog", "sun_altitude", "sun_azimuth"),
-    ("pedestrian_speed", "pedestrian_shift"),
-)
-"""The variables that a story needs, and those of a pedestrian."""
+WEATHER = ("rain", "fog", "sun_altitude", "sun_azimuth")
+"""The variables that a story needs."""
+WALK = ("pedestrian_speed", "pedestrian_shift")
+"""The variables that a pedestrian needs."""
 SUN_LUX = 100_000
 """Of the sun at the zenith."""
 

@@ -94,19 +94,18 @@ def read_rule(key: str, body: Mapping[str, Any], frames: Space) -> Rule:
                 f"got {shown(both)}"
             )
         return Order(*(_condition(f"{key}.order", text, frames) for text in both))
-    within_s = _seconds(f"{key}.within", body["within"]) if "within" in body else inf
+    within_s = inf
+    if "within" in body:
+        with suppress(ValueError, TypeError):
+            within_s = float(body["within"])
+        if not 0 < within_s < inf:
+            text = shown(body["within"])
+            raise ValueError(f"{key}.within: expected seconds above 0, got {text}")
     return Then(
         _condition(f"{key}.first", body["first"], frames),
         _condition(f"{key}.then", body.get("then"), frames),
         within_s,
     )
-
-
-def _seconds(key: str, text: Any) -> float:
-    with suppress(ValueError, TypeError):
-        if 0 < float(text) < inf:
-            return float(text)
-    raise ValueError(f"{key}: expected seconds above 0, got {shown(text)}")
 
 
 def _condition(key: str, text: Any, frames: Space) -> Condition:

@@ -14,10 +14,8 @@ from pipeline.core.names import nearest
 from pipeline.core.space import Variable
 from pipeline.core.variable import HEAVIEST
 
-PLANE, COMBINATION = (
-    "{conditions: [weather, light, road], strength: 3}",
-    "{of: {weather: rainy, light: night}, weight: 5}",
-)
+PLANE = "{conditions: [weather, light, road], strength: 3}"
+COMBINATION = "{of: {weather: rainy, light: night}, weight: 5}"
 
 
 def read_extras(planes: Any, combinations: Any, variables: Sequence[Variable]) -> Extras:

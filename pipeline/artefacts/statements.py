@@ -62,11 +62,9 @@ def category_names(variable: Variable) -> tuple[str, ...]:
 
     [0 .. 20) for [0, 20).
     """
-    return (
-        variable.labels
-        if variable.kind == "categorical"
-        else tuple(label.replace(", ", " .. ") for label in variable.labels)
-    )
+    if variable.kind == "categorical":
+        return variable.labels
+    return tuple(label.replace(", ", " .. ") for label in variable.labels)
 
 
 def rows_where(variables: Sequence[int], sizes: Sequence[int], test: Callable[..., Any]) -> OneOf:

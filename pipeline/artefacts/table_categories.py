@@ -158,7 +158,8 @@ class Meanings:
         expected = _expected(self.variable, str(value) if hint else "")
         if group > MOST_CATEGORIES and self.variable.kind == "categorical":
             return (
-                f"{self.variable.name} has {_count(len(self._category_of))} different values, as an "
+                f"{self.variable.name} has {_count(len(self._category_of))} different values, as "
+                "an "
                 "identifier or a measurement has; "
                 f"expected {expected}, or give it an interval with cuts"
             )

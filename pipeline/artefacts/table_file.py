@@ -69,10 +69,8 @@ def open_table(path: Path, wanted: Sequence[str]) -> OpenTable:
     """
     if not path.exists():
         raise InputError(f"{path}: expected {READ}, got no such file")
-    opener = {**dict.fromkeys(CSV, open_csv), **dict.fromkeys(PARQUET, _open_parquet)}.get(
-        path.suffix.lower()
-    )
-    if opener is None:
+    opener = open_csv if path.suffix.lower() in CSV else _open_parquet
+    if path.suffix.lower() not in (*CSV, *PARQUET):
         raise InputError(
             f"{path}: expected {READ}, got {path.suffix}; what can be read: {ALL_READ}"
         )
@@ -129,9 +127,8 @@ def check_format(path: Path) -> None:
 def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Write texts as parquet or, by any other name, CSV."""
     if path.suffix.lower() in PARQUET:
-        columns = [pa.array(column, pa.string()) for column in zip(*rows, strict=True)] or [
-            pa.array([], pa.string())
-        ] * len(header)
+        places = range(len(header))
+        columns = [pa.array([row[i] for row in rows], pa.string()) for i in places]
         buffer = io.BytesIO()
         pq.write_table(pa.Table.from_arrays(columns, list(header)), buffer)
         write_bytes(path, buffer.getvalue())

@@ -136,9 +136,8 @@ WHY = (
 def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
     """Write one row per test, in the given order.
 
-    `TESTS`, then one column per scenario variable (categories by name).
-
-    The file's metadata have the space that the tests were drawn from.
+    The columns are `TESTS`, then the scenario variables (categories by name). The file's metadata
+    have the space that the tests were drawn from.
     """
     _write(path, tests, TESTS, space)
 
@@ -191,10 +190,7 @@ def read_signals(path: Path) -> pd.DataFrame:
 
 
 def write_detections(path: Path, detections: pd.DataFrame) -> None:
-    """Write one row per detection, in the order of tests, steps and descending scores.
-
-    `DETECTIONS`.
-    """
+    """Write one row per detection: `DETECTIONS`, by test, step and descending score."""
     _write(path, detections, DETECTIONS)
 
 
@@ -287,7 +283,8 @@ def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
     campaigns = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
     if len(campaigns) != 1:
         raise InputError(
-            f"{path}: expected the tests of one campaign, got {len(campaigns)} campaigns; make it again"
+            f"{path}: expected the tests of one campaign, got {len(campaigns)} campaigns; "
+            "make it again"
         )
     scenario, strategy, version, seed = campaigns.iloc[0]
     return CampaignId(str(scenario), str(strategy), str(version), int(seed))

@@ -1,6 +1,7 @@
 """Worker processes that share tasks, watched from outside.
 
-Code in a worker may crash, hang or take all memory: that costs one task and does not harm the parent.
+Code in a worker may crash, hang or take all memory: that costs one task and does no harm to the
+parent.
 """
 
 from __future__ import annotations

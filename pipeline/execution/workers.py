@@ -113,7 +113,7 @@ class Setup:
 
     @property
     def identity(self) -> str:
-        """Digest of everything that the outcome of a test depends on, beside its concrete scenario."""
+        """Digest of all that a test's outcome depends on, except its concrete scenario."""
         settings = [
             self.simulator,
             self.scenario.model_dump(),
