@@ -1,6 +1,6 @@
 """Constraints of ACTS models.
 
-=>, ||, &&, !, comparisons and +, -, *, % of parameters, as expressions.
+They combine comparisons of parameters, computed by +, -, * and %, with =>, ||, && and !.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Typed:
 class Operand:
     """A number, text or truth value.
 
-    Computed from the values of parameters, which are given in this order.
+    `compute` takes the values of the parameters, in their order.
     """
 
     kind: type

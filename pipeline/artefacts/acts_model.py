@@ -1,6 +1,6 @@
 """Models of ACTS, NIST's tool for combinatorial testing, as spaces.
 
-Its text form and its XML form.
+It has a text form and an XML form.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Labels of BDD100K (https://doc.bdd100k.com).
 
-Weather, scene and timeofday of each image, and its number of boxes.
+They give weather, scene and timeofday of each image, and its boxes.
 """
 
 from __future__ import annotations

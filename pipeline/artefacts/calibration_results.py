@@ -46,7 +46,8 @@ class DetectorCalibration(Result):
     def fitted(self) -> bool:
         """False if the scores could not be calibrated.
 
-        All or none of the detections are right, or higher scores are not right more often.
+        This is so if all or none of the detections are right, or if higher scores are not right
+        more often.
         """
         return self.scaling != Calibration()
 

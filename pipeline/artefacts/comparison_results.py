@@ -31,7 +31,7 @@ TestName = Annotated[
 class VersionPair(Result):
     """Two versions on the same tests.
 
-    The tests that only one of them fails, and the exact McNemar p-value.
+    It has the tests that only one of them fails, and the exact McNemar p-value.
     """
 
     version: str
@@ -115,8 +115,8 @@ class VersionResult(Result):
 class GroupResult(Result):
     """Versions that differ only by the seed of retraining.
 
-    Mean failures, in total and by scenario, with Student's intervals over the seeds, on the `tests`
-    that are valid for every version of the study.
+    It has mean failures, in total and by scenario, with Student's intervals over the seeds, on the
+    `tests` that are valid for every version of the study.
 
     A single version has no interval (low = high), see
     `pipeline.core.comparison.SequenceOutcomes.rate`.

@@ -14,7 +14,7 @@ from pyarrow import csv as pa_csv
 from pipeline.errors import InputError
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
-SPACE_BEFORE_QUOTE = re.compile(rb'(?<=[,\r\n])[ \t]+(?=")')
+SPACE_BEFORE_QUOTE = re.compile(rb'(?:\A|(?<=[,\r\n]))[ \t]+(?=")')
 BLOCK = 1 << 24
 """Bytes that are parsed at a time; no row may be longer."""
 ROW_ERROR = re.compile(r"Row #(\d+): (.*)")
@@ -74,13 +74,15 @@ def _header(path: Path) -> tuple[str, ...]:
 class _EndedText:
     """Prepares the bytes of a CSV of n columns for Arrow, chunk by chunk.
 
-    It drops spaces before quotes, which Arrow would read as part of the value, and appends a row of
-    n + 1 fields. Arrow has to report that row as wrong: if it does not, a quote is still open.
+    It drops spaces before a field's opening quote, which Arrow would read as part of the value, and
+    appends a row of n + 1 fields. Arrow has to report that row as wrong: if it does not, a quote is
+    still open.
     """
 
     def __init__(self, columns: int) -> None:
         self.last_row = "end of the table" + "," * columns
         self._rest = b""
+        self._quotes = 0
         self._ended = False
 
     def __call__(self, chunk: Any) -> bytes:
@@ -93,8 +95,18 @@ class _EndedText:
             return b""
         else:
             text, self._ended = text + b"\n" + self.last_row.encode(), True
-        spaced = b' "' in text or b'\t"' in text
-        return SPACE_BEFORE_QUOTE.sub(b"", text) if spaced else text
+        return self._without_spaces(text)
+
+    def _without_spaces(self, text: bytes) -> bytes:
+        parts, place = [], 0
+        if b' "' in text or b'\t"' in text:
+            for spaces in SPACE_BEFORE_QUOTE.finditer(text):
+                self._quotes += text.count(b'"', place, spaces.start())
+                outside = self._quotes % 2 == 0  # Inside a field, quotes are doubled.
+                parts.append(text[place : spaces.start() if outside else spaces.end()])
+                place = spaces.end()
+        self._quotes += text.count(b'"', place)
+        return b"".join([*parts, text[place:]])
 
 
 def _batches(path: Path, columns: int, places: dict[str, int]) -> Iterator[Any]:

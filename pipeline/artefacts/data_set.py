@@ -1,6 +1,6 @@
 """What a data set says of its own images.
 
-Their names, and conditions that need no further table.
+These are their names, and conditions that need no further table.
 """
 
 from __future__ import annotations

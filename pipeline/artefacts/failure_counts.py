@@ -1,6 +1,6 @@
 """Counts that the results of searches, regions and comparisons share.
 
-Tests, failures by mode and by cause, and unnecessary braking.
+They count tests, failures by mode and by cause, and unnecessary braking.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def _flush_folder(folder: Path) -> None:
 def flush_all() -> None:
     """Put all written files on the disk.
 
-    For hundreds of small ones, a hundred times as fast as one by one.
+    For hundreds of small files, this is a hundred times as fast as one by one.
     """
     os.sync()
 

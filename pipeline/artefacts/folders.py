@@ -1,6 +1,6 @@
 """The layout of data/<study>.
 
-The paths of a study's files, and which files the search, the rounds and the comparison use.
+It knows the paths of a study's files, and which of them search, rounds and comparison use.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ class Folders:
     def later_searches(self) -> list[str]:
         """The tests of the campaigns that later rounds train on.
 
-        Each arm's strategy against its earlier versions.
+        They run each arm's strategy against its earlier versions.
         """
         later = self.config.later.items()
         return [

@@ -1,6 +1,6 @@
 """Exports campaign frames for other tools.
 
-YOLO layout, COCO and CSV for all, and an ASAM OpenLABEL 1.0 file for each test.
+It writes YOLO's layout, COCO and CSV for all, and an ASAM OpenLABEL 1.0 file for each test.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What is known of a campaign's tests beside their frames.
 
-How each ended, its failure region, its conditions.
+These are how each ended, its failure region and its conditions.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NOTHING: Tags = {"outcome": "", "cause": "", "region": ""}
 def tags_of_tests(frames: Path) -> dict[str, Tags]:
     """The tags of each test of a frames.parquet.
 
-    Outcome (`failure`, `pass` or `error`), cause, region, and the scenario's variables.
+    These are outcome (`failure`, `pass` or `error`), cause, region, and the scenario's variables.
 
     They come from tests.parquet beside it and from the study's regions; without these files there
     are none. An empty region: none.

@@ -34,7 +34,8 @@ class Points(Result):
 class Judged(Result):
     """The test snapshots of one point that a detector gets right.
 
-    It finds the forward vehicle, or reports none if there is none, without a false positive.
+    In these, it detects the forward vehicle, or reports none if there is none, without a false
+    positive.
     """
 
     values: dict[str, str]

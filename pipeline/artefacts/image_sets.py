@@ -1,6 +1,6 @@
 """The images of data sets.
 
-What a set itself says of each, and the conditions that a table gives it.
+Their conditions come from the set itself and from a table beside it.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Images:
 def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
     """The conditions of each image of a data set.
 
-    COCO, YOLO, BDD100K, KITTI, nuScenes, or tags of OpenLABEL.
+    Its format is COCO, YOLO, BDD100K, KITTI, nuScenes, or tags of OpenLABEL.
 
     Conditions come from `metadata`, a table with a column `file_name`, and from the set itself
     where the table has no such column.
@@ -178,7 +178,7 @@ def _yolo(path: Path) -> DataSet:
 def _both_folders(path: Path) -> tuple[Path, list[Path]]:
     """The folder of a data set, and where its images and labels are.
 
-    In a folder inside `images`, the labels are inside `labels`.
+    If the folder is inside `images`, its labels are inside `labels`.
     """
     parts = path.resolve().parts
     for place in reversed(range(len(parts))):
@@ -196,7 +196,7 @@ def _apart(base: Path, name: str, files: list[Path]) -> list[Path]:
 def _bare(path: str | PurePath) -> str:
     """A path inside a data set as its image and its labels share it.
 
-    Without suffix, `images` and `labels`.
+    It has no suffix and neither `images` nor `labels`.
     """
     inside = PurePath(*(part for part in PurePath(path).parts if part not in PAIR))
     if inside.suffix.lower() in (*IMAGES, ".txt"):
@@ -234,7 +234,8 @@ def _objects(label: Path) -> int:
 def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> list[list[int]]:
     """The rows of each image, which agree.
 
-    By its path, else without suffix, else by its name alone if no other image or row has it.
+    A row belongs to an image by its path, else without suffix, else by its name alone if no other
+    image or row has it.
     """
     keys = table.columns[KEY].cast(pa.string()).to_pylist()
     if None in keys:

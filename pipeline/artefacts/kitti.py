@@ -1,6 +1,6 @@
 """Labels of KITTI's object benchmark (https://www.cvlibs.net/datasets/kitti).
 
-A text file an image, a line an object.
+Each image has a text file, each object a line.
 
 A line has a type, truncation (0 to 1), occlusion (0 visible, 1 partly, 2 largely occluded, 3
 unknown), an angle, a box, three sizes, a position and a rotation, and in results a score.
@@ -26,7 +26,7 @@ SAMPLED = 50
 def label_folder(path: Path) -> Path | None:
     """The folder of KITTI's labels.
 
-    This one or the `label_2` in it; None if there are other files.
+    It is this one or the `label_2` in it; None if there are other files.
     """
     folder = path / LABELS if (path / LABELS).is_dir() else path
     for file in islice(sorted(folder.glob("*.txt")), SAMPLED):

@@ -1,6 +1,6 @@
 """model.json, the card of a model version.
 
-Its origin, training data and detection quality; curve.csv, its training curve.
+It has the origin, training data and detection quality; curve.csv is the training curve.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class ModelCard(BaseModel):
     def frequencies(self) -> Frequencies | None:
         """The people and poses of the base set that it was trained on.
 
-        None if the card does not say.
+        It is None if the card does not say.
         """
         return Frequencies.of(self.training)
 

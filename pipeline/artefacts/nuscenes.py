@@ -1,6 +1,6 @@
 """Tables of nuScenes (https://www.nuscenes.org/nuscenes).
 
-Samples with the location, vehicle and date of their log.
+They give samples with the location, vehicle and date of their log.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Which categories an expression of an OpenODD condition means.
 
-Literals, ordered literals, bounds of numbers.
+An expression is a literal, a comparison with an ordered literal, or bounds of a number.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
 def ends_of(concept: Concept, limits: Bounds) -> list[float]:
     """Where categories begin and end so that bounds hold for whole ones.
 
-    For whole numbers, at the first inside and the first after it.
+    For whole numbers, these are the first one inside and the first one after it.
     """
 
     def first(number: float, after: bool) -> float:

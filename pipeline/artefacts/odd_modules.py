@@ -1,6 +1,6 @@
 """The modules of an OpenODD file (ASAM OpenODD 1.0, sections 6.4 and 10.4).
 
-INCLUDE and EXCLUDE sections as expressions.
+Their INCLUDE and EXCLUDE sections become expressions.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The space of an OpenODD taxonomy.
 
-Its concepts as variables, its modules and what may be absent as constraints.
+Its concepts become variables; its modules and what may be absent become constraints.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class _Odd:
     def _kept(self) -> list[str]:
         """The concepts that are variables.
 
-        Those chosen, or all but numbers whose ranges define literals.
+        These are the chosen ones, or all except numbers whose ranges define literals.
         """
         concepts = self._taxonomy.concepts
         bases = {self._base(name) for name, concept in concepts.items() if concept.base}

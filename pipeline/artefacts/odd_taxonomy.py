@@ -1,6 +1,6 @@
 """The concepts of an OpenODD taxonomy (ASAM OpenODD 1.0, section 10.2).
 
-Numbers, truth values and literals in nested records.
+They are numbers, truth values and literals in nested records.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class Camera:
 def openlabel(rows: pd.DataFrame, images: Mapping[int, str], camera: Camera) -> dict[str, Any]:
     """The frames of one test execution in OpenLABEL's JSON.
 
-    One pedestrian, with its visible and its whole box.
+    They show one pedestrian, with its visible and its whole box.
 
     Args:
         images: the file of each row, by the row's index.

@@ -1,6 +1,6 @@
 """Tags of ASAM OpenLABEL 1.0 files as points.
 
-A file is one, or each stretch of frames with the same tags.
+A point is a file, or each stretch of its frames with the same tags.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ def _value(
 ) -> str:
     """The value of a variable as text.
 
-    Several values joined, which are no category, so the variable is unknown.
+    Several values are joined, which is no category, so the variable is unknown.
     """
     texts: dict[str, None] = {}
     low, high = -np.inf, np.inf

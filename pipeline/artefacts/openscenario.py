@@ -169,7 +169,7 @@ def _reference_line(street: Street, start: float, end: float) -> paths.Piece:
 def _stretch(street: Street) -> float:
     """Metres of the reference line for a metre along the street.
 
-    In a curve, they are not equally long.
+    In a curve, the two are not equally long.
     """
     return 1 - street.curvature * street.middle
 

@@ -1,6 +1,6 @@
 """Constraints of PICT models.
 
-IF, THEN, ELSE, AND, OR, NOT, IN, LIKE and comparisons, as expressions.
+They combine comparisons with IF, THEN, ELSE, AND, OR, NOT, IN and LIKE.
 
 PICT compares texts without regard to case, and numbers only where all values of a parameter are
 numbers.

@@ -52,7 +52,7 @@ class PointTable:
     def counting(self, strict: bool = False) -> Iterator[Ints]:
         """(n, d) category indices of the rows that count, batch by batch.
 
-        Those that keep the constraints; -1 where there is no category.
+        These are the rows that keep the constraints; -1 where there is no category.
 
         Raises:
             InputError: after the last batch: if there are rows and none counts, and, if strict, for

@@ -50,8 +50,8 @@ def recorded(folders: Folders, test: str) -> pd.Series:
 def params_of(test: str, params: Path) -> Path:
     """The configuration of the study that has executed a test.
 
-    `params`, unless exactly one study with a params.yaml of its own, as `test-detector` makes them,
-    has.
+    It is `params`, unless exactly one study with its own params.yaml, as `test-detector` makes
+    them, has executed it.
     """
     campaign = test.rpartition("-")[0]
     if params.is_file() and campaign in campaigns(Folders(load(params))):
@@ -86,7 +86,7 @@ def campaigns(folders: Folders) -> Mapping[str, Path]:
 def tables_below(folders: Sequence[Path]) -> list[Path]:
     """Every tests.parquet below some folders, sorted; InputError for a folder without one.
 
-    A campaign has the tests of its shards.
+    The shards of a campaign are left out: the campaign has their tests.
     """
     tables: set[Path] = set()
     empty = []

@@ -15,7 +15,7 @@ Role = Literal["medoid", "worst", "furthest"]
 class Representative(Result):
     """A test that represents a region.
 
-    Its medoid, its worst failure or the failure furthest from the medoid.
+    It is the medoid, the worst failure or the failure furthest from the medoid.
     """
 
     test_id: str
@@ -97,10 +97,10 @@ class Repair(Result):
 class Seen(Result):
     """What the camera saw in a region's failures.
 
-    Medians; null if nothing counts. First sight: over the failures with the pedestrian in sight.
-    First detection, and the delay from first sight until then: over those with both. Last chance:
-    over those with a last frame from which full braking stops the ego in time. Distances are to the
-    conflict point.
+    All are medians; null if nothing counts. First sight: over the failures with the pedestrian in
+    sight. First detection, and the delay from first sight until then: over those with both. Last
+    chance: over those with a last frame from which full braking stops the ego in time. Distances
+    are to the conflict point.
 
     Attributes:
         in_sight, detected: of `failures`, those in which a person could make out the pedestrian,

@@ -69,7 +69,7 @@ def plain_space(space: Space) -> dict[str, Any]:
 def space_of(described: Mapping[str, Any]) -> Space:
     """The space of plain data as from `plain_space`.
 
-    KeyError, TypeError, ValueError or AttributeError for other data.
+    Other data raises KeyError, TypeError, ValueError or AttributeError.
     """
     return Space.from_dict(described["variables"], described.get("constraints", ()))
 

@@ -9,7 +9,7 @@ from pipeline.artefacts.results import Estimate, Result
 class BaseRate(Result):
     """How often a version fails in the independent tests of a search scenario, over all seeds.
 
-    Those of a random strategy, or else of the audit.
+    These are the tests of a random strategy, or else of the audit.
 
     Attributes:
         rate: failures of `tests` without an error, with its exact interval (Clopper-Pearson).

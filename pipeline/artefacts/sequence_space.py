@@ -1,6 +1,6 @@
 """The parts of a space file whose points are sequences of frames.
 
-`sequences`, `frames` and the rules among `variables`.
+These are `sequences`, `frames` and the rules among `variables`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The keys `planes` and `combinations` of a space file.
 
-What coverage wants beside every combination of any k conditions.
+They say what coverage wants beside every combination of any k conditions.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Spaces in any of the formats that are read.
 
-Our space files, PICT and ACTS models, OpenODD files.
+These are our space files, PICT and ACTS models, and OpenODD files.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Finds the category that a text of a table means.
 
-The one written like it, or the only one that is the same value spelt differently.
+It is the one written like it, or the only one that is the same value spelt differently.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ step reads it."""
 def remember(digest: str, parts: Mapping[str, str]) -> None:
     """Store the parts of a digest.
 
-    The name of each with its own digest, which may have parts itself.
+    Each has a name and its own digest, which may have parts itself.
     """
     path = PARTS / f"{digest}.json"
     if not path.exists():
@@ -36,7 +36,7 @@ def remember(digest: str, parts: Mapping[str, str]) -> None:
 def differences(old: str, new: str) -> tuple[str, ...]:
     """Names of the smallest parts in which two digests differ.
 
-    Empty if the parts of either are unknown.
+    There are none if the parts of either are unknown.
     """
     before, after = _parts(old), _parts(new)
     if not before or not after:

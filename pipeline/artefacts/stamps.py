@@ -39,7 +39,7 @@ class Stamp:
 def made(path: Path, depends: str, outputs: Iterable[Path]) -> Stamp:
     """The stamp, to be written at `path`, of outputs that are there.
 
-    Files, or folders with all files in them.
+    Outputs are files, or folders with all files in them.
     """
     digests = {}
     for output in outputs:

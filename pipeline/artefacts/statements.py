@@ -60,7 +60,7 @@ def literal_text(variables: Sequence[Variable], literal: Literal) -> str:
 def category_names(variable: Variable) -> tuple[str, ...]:
     """Names of the categories without commas, which separate values in models.
 
-    [0 .. 20) for [0, 20).
+    For example, [0, 20) becomes [0 .. 20).
     """
     if variable.kind == "categorical":
         return variable.labels

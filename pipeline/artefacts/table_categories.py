@@ -176,7 +176,7 @@ def _count(number: int) -> str:
 def numbers_of(name: str, column: Column) -> Floats:
     """The (n,) numbers of a column, times as seconds since 1970, UTC; nan for what is none.
 
-    ValueError for values of a wrong type.
+    Values of a wrong type raise ValueError.
     """
     different, where = _different(
         Variable(name, "continuous", low=-np.inf, high=np.inf, cuts=(0,)), column

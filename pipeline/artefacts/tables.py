@@ -1,6 +1,7 @@
 """The five tables of a campaign.
 
-Tests, signals, detections, frames and timings, as Parquet with units in the fields' metadata.
+These are tests, signals, detections, frames and timings, as Parquet with units in the fields'
+metadata.
 
 Every write and every read checks the schema. Equal rows give equal bytes; wall-clock times appear
 in timings.parquet alone.
