@@ -99,7 +99,9 @@ class ModelCard(BaseModel):
 class CurvePoint:
     """One line of a training curve.
 
-    losses: means since the line before; ap50: of the averaged weights on validation images.
+    Attributes:
+        loss_scores, loss_boxes: means since the line before.
+        ap50: of the averaged weights on validation images.
     """
 
     iteration: int

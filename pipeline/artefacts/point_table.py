@@ -26,9 +26,13 @@ from pipeline.errors import InputError
 class PointTable:
     """The points of a table, which are read once, batch by batch.
 
-    rows, points, partial: number of rows so far, of those that keep the constraints, and of these
-    without a category for some condition. images: names of the rows, if they are images or
-    sequences, which `kind` tells. unused: rows of the metadata that belong to no image.
+    Attributes:
+        rows: number of rows so far.
+        points: number of these that keep the constraints.
+        partial: number of these points without a category for some condition.
+        images: names of the rows, if they are images or sequences.
+        kind: what the names are of, "image" or "sequence".
+        unused: rows of the metadata that belong to no image.
     """
 
     images: tuple[str, ...] = ()

@@ -1,6 +1,7 @@
 """The base of all result files, and how they are written and read.
 
-Each file is one frozen model; `read` and `write` check it, so truncated, foreign and outdated files are rejected by name. Numbers that do not exist (the F-measure of a campaign without failures) are
+Each file is one frozen model; `read` and `write` check it, so truncated, foreign and outdated files
+are rejected by name. Numbers that do not exist (the F-measure of a campaign without failures) are
 null, never NaN.
 """
 

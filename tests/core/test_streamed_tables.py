@@ -123,11 +123,12 @@ def test_wrong_rows_are_named_in_any_block(
 
 
 def test_values_keep_their_spelling(folder: Path) -> None:
-    (folder / "names.csv").write_text('a, "b" ,c\n01, "1e5",\n1.0, "x, y" ,""\n')
+    text = 'a, "b" ,c\n01, "1e5",\n1.0, "x, y" ,""\n"p, ""q""", "x, ""y""",z\n'
+    (folder / "names.csv").write_text(text)
     table = table_file.read_table(folder / "names.csv", ["a", "b", "c"])
-    assert table.columns["a"].to_pylist() == ["01", "1.0"]
-    assert table.columns["b"].to_pylist() == ["1e5", "x, y "]
-    assert table.columns["c"].to_pylist() == [None, ""]
+    assert table.columns["a"].to_pylist() == ["01", "1.0", 'p, "q"']
+    assert table.columns["b"].to_pylist() == ["1e5", "x, y ", 'x, "y"']
+    assert table.columns["c"].to_pylist() == [None, "", "z"]
 
 
 def test_a_header_that_is_not_text_is_rejected(folder: Path) -> None:
