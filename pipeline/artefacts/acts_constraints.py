@@ -1,10 +1,13 @@
-"""Constraints of ACTS models: =>, ||, &&, !, comparisons and +, -, *, % of parameters, as expressions."""
+"""Constraints of ACTS models.
+
+They combine comparisons of parameters, computed by +, -, * and %, with =>, ||, && and !.
+"""
 
 from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import fmod
 from typing import Any
@@ -14,7 +17,8 @@ from pipeline.core.expressions import Every, Expression, Not, Some
 from pipeline.core.names import nearest
 
 TOKEN = re.compile(
-    r"""\s*(?:(?P<text>"[^"]*")|(?P<number>\d+\.?\d*|\.\d+)|(?P<name>[^\W\d]\w*)|(?P<sign>=>|&&|\|\||==|!=|<=|>=|[=<>!+\-*/%()]))"""
+    r"""\s*(?:(?P<text>"[^"]*")|(?P<number>\d+\.?\d*|\.\d+)|(?P<name>[^\W\d]\w*)|"""
+    r"""(?P<sign>=>|&&|\|\||==|!=|<=|>=|[=<>!+\-*/%()]))"""
 )
 COMPARED: dict[str, Callable[[Any, Any], Any]] = {
     "=": operator.eq,
@@ -55,7 +59,10 @@ class Typed:
 
 @dataclass(frozen=True)
 class Operand:
-    """A number, text or truth value: computed from the values of parameters, which are given in this order."""
+    """A number, text or truth value.
+
+    `compute` takes the values of the parameters, in their order.
+    """
 
     kind: type
     parameters: tuple[int, ...]
@@ -66,12 +73,12 @@ def read_constraint(text: str, parameters: Sequence[Typed]) -> Expression:
     """One constraint; ValueError that says what was expected and what came."""
     parser = _Parser(_tokens(text), parameters)
     try:
-        found = parser.condition(parser.implication())
+        constraint = parser.condition(parser.implication())
     except RecursionError:
         raise ValueError("nested too deeply") from None
     if parser.next != END:
         raise ValueError(f"expected an operator or the end, got {parser.next[1]}")
-    return found
+    return constraint
 
 
 def _tokens(text: str) -> list[tuple[str, str]]:
@@ -79,7 +86,8 @@ def _tokens(text: str) -> list[tuple[str, str]]:
     while place < len(text):
         if (match := TOKEN.match(text, place)) is None:
             raise ValueError(
-                f"expected names, numbers, texts in double quotes and operators, got {text[place : place + 20].strip()!r}"
+                "expected names, numbers, texts in double quotes and operators, got "
+                f"{text[place : place + 20].strip()!r}"
             )
         tokens.append((str(match.lastgroup), match[0].strip()))
         place = match.end()
@@ -107,16 +115,16 @@ class _Parser:
         return self._rows(part, Operand(bool, (), lambda: True), operator.eq)
 
     def _some(self) -> Expression | Operand:
-        parts = [self._every()]
-        while self._sign("||"):
-            parts.append(self._every())
-        return parts[0] if len(parts) == 1 else Some(tuple(map(self.condition, parts)))
+        return self._joined("||", Some, lambda: self._joined("&&", Every, self._comparison))
 
-    def _every(self) -> Expression | Operand:
-        parts = [self._comparison()]
-        while self._sign("&&"):
-            parts.append(self._comparison())
-        return parts[0] if len(parts) == 1 else Every(tuple(map(self.condition, parts)))
+    def _joined(
+        self, sign: str, join: type[Some] | type[Every], part: Callable[[], Expression | Operand]
+    ) -> Expression | Operand:
+        """One part, or several with a sign between them."""
+        parts = [part()]
+        while self._sign(sign):
+            parts.append(part())
+        return parts[0] if len(parts) == 1 else join(tuple(map(self.condition, parts)))
 
     def _comparison(self) -> Expression | Operand:
         first = self._computed("+-", lambda: self._computed("*%/", self._single))
@@ -139,29 +147,31 @@ class _Parser:
     def _computed(
         self, signs: str, part: Callable[[], Expression | Operand]
     ) -> Expression | Operand:
-        found = part()
+        first = part()
         while self.next[0] == "sign" and self.next[1] in signs:
             if (sign := self._take()) == "/":
                 raise ValueError(
-                    "the division / is not read, because ACTS rounds it; multiply the other side instead"
+                    "the division / is not read, because ACTS rounds it; multiply the other side "
+                    "instead"
                 )
             second = part()
             if (
-                not isinstance(found, Operand)
+                not isinstance(first, Operand)
                 or not isinstance(second, Operand)
-                or {found.kind, second.kind} != {float}
+                or {first.kind, second.kind} != {float}
             ):
                 raise ValueError(f"expected numbers on both sides of {sign}")
-            found = _combined(found, second, COMPUTED[sign])
-        return found
+            first = _combined(first, second, COMPUTED[sign])
+        return first
 
     def _single(self) -> Expression | Operand:
         if self._sign("!"):
             return Not(self.condition(self._single()))
         if self._sign("-"):
-            return _combined(
-                Operand(float, (), lambda: 0.0), self._number(self._single()), operator.sub
-            )
+            number = self._single()
+            if not isinstance(number, Operand) or number.kind is not float:
+                raise ValueError("expected a number after -")
+            return _combined(Operand(float, (), lambda: 0.0), number, operator.sub)
         if self._sign("("):
             inside = self.implication()
             if not self._sign(")"):
@@ -171,25 +181,18 @@ class _Parser:
         if kind not in ("text", "number", "name"):
             raise ValueError(f"expected a parameter or a value, got {text}")
         self._take()
+        if kind == "name" and text in self._index:
+            parameter = self._index[text]
+            values = self._parameters[parameter].values
+            return Operand(type(values[0]), (parameter,), lambda value: value)
+        if kind == "name" and text.lower() not in TRUTH:
+            raise ValueError(f"there is no parameter {text}{nearest(text, self._index)}")
+        value: Any = text[1:-1]
         if kind == "name":
-            return self._named(text)
-        value: Any = text[1:-1] if kind == "text" else float(text)
+            value = TRUTH[text.lower()]
+        elif kind == "number":
+            value = float(text)
         return Operand(type(value), (), lambda: value)
-
-    def _named(self, name: str) -> Operand:
-        if name in self._index:
-            parameter = self._index[name]
-            return Operand(
-                type(self._parameters[parameter].values[0]), (parameter,), lambda value: value
-            )
-        if name.lower() in TRUTH:
-            return Operand(bool, (), lambda: TRUTH[name.lower()])
-        raise ValueError(f"there is no parameter {name}{nearest(name, self._index)}")
-
-    def _number(self, part: Expression | Operand) -> Operand:
-        if not isinstance(part, Operand) or part.kind is not float:
-            raise ValueError("expected a number after -")
-        return part
 
     def _rows(
         self, first: Operand, second: Operand, relation: Callable[[Any, Any], Any]
@@ -200,10 +203,8 @@ class _Parser:
         values = [self._parameters[parameter].values for parameter in both.parameters]
         return rows_where(
             both.parameters,
-            [len(own) for own in values],
-            lambda *row: both.compute(
-                *(own[category] for own, category in zip(values, row, strict=True))
-            ),
+            [len(domain) for domain in values],
+            lambda *row: both.compute(*map(operator.getitem, values, row)),
         )
 
     def _sign(self, sign: str) -> bool:
@@ -222,11 +223,10 @@ def _combined(first: Operand, second: Operand, compute: Callable[[Any, Any], Any
     parameters = tuple(dict.fromkeys((*first.parameters, *second.parameters)))
 
     def computed(*values: Any) -> Any:
-        given: Mapping[int, Any] = dict(zip(parameters, values, strict=True))
-        sides = [
-            side.compute(*(given[parameter] for parameter in side.parameters))
-            for side in (first, second)
-        ]
-        return compute(*sides)
+        value_of = dict(zip(parameters, values, strict=True)).__getitem__
+        return compute(
+            first.compute(*map(value_of, first.parameters)),
+            second.compute(*map(value_of, second.parameters)),
+        )
 
     return Operand(first.kind, parameters, computed)

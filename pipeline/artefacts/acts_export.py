@@ -46,10 +46,10 @@ def _parameters(space: Space) -> list[tuple[str, str, tuple[str, ...]]]:
 def _constraint(space: Space, clause: Clause) -> str:
     parts = []
     for literal in clause:
-        own = space.variables[literal.variable]
-        value = category_names(own)[literal.category]
-        shown = f'"{value}"' if _kind(category_names(own)) == "enum" else value
-        parts.append(f"{own.name} {'=' if literal.equal else '!='} {shown}")
+        variable = space.variables[literal.variable]
+        value = category_names(variable)[literal.category]
+        shown = f'"{value}"' if _kind(category_names(variable)) == "enum" else value
+        parts.append(f"{variable.name} {'=' if literal.equal else '!='} {shown}")
     return " || ".join(parts)
 
 

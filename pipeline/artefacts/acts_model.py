@@ -1,4 +1,7 @@
-"""Models of ACTS, NIST's tool for combinatorial testing, as spaces: its text form and its XML form."""
+"""Models of ACTS, NIST's tool for combinatorial testing, as spaces.
+
+It has a text form and an XML form.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +23,9 @@ SECTIONS = ("system", "parameter", "relation", "constraint", "test set")
 PARAMETER = re.compile(r"(?P<name>[^(:]+?)\s*(\((?P<kind>[^)]*)\))?\s*:(?P<values>.*)")
 KINDS = {"0": "int", "1": "enum", "2": "boolean"}
 """The numbers of the types in the XML form."""
-REFUSED = {
-    "relation": "relations have strengths of their own; a space has one for all, given by --strength",
+REJECTED = {
+    "relation": "relations have strengths of their own; a space has one for all, "
+    "given by --strength",
     "test set": "existing tests are no part of a space; name their table by --include",
 }
 
@@ -32,7 +36,9 @@ Named = tuple[str, str, str, list[str]]
 def read_acts_model(path: Path) -> Space:
     """Read an ACTS model in either form.
 
-    Raises InputError that names the file, the place and what a space cannot say: relations, invalid values, existing tests.
+    Raises:
+        InputError: naming the file, the place and what a space cannot say: relations, invalid
+            values, existing tests.
     """
     text = read_text(path, "an ACTS model")
     return (
@@ -51,9 +57,12 @@ def acts_text_space(text: str, name: str) -> Space:
             if not line or line.startswith("--"):
                 continue
             if line.startswith("["):
-                section = _section(where, line)
-            elif section in REFUSED:
-                raise ValueError(f"{where}: {REFUSED[section]}")
+                section = line.strip("[] ").lower()
+                if section not in SECTIONS:
+                    hint = nearest(section, SECTIONS)
+                    raise ValueError(f"{where}: unknown section {line}{hint}")
+            elif section in REJECTED:
+                raise ValueError(f"{where}: {REJECTED[section]}")
             elif section == "parameter":
                 parameters.append(_parameter(where, line))
             elif section == "constraint":
@@ -65,13 +74,6 @@ def acts_text_space(text: str, name: str) -> Space:
         raise InputError(f"{name}: {error}") from error
 
 
-def _section(where: str, line: str) -> str:
-    section = line.strip("[] ").lower()
-    if section not in SECTIONS:
-        raise ValueError(f"{where}: unknown section {line}{nearest(section, SECTIONS)}")
-    return section
-
-
 def _parameter(where: str, line: str) -> Named:
     match = PARAMETER.fullmatch(line)
     if match is None:
@@ -80,7 +82,8 @@ def _parameter(where: str, line: str) -> Named:
         )
     if ";" in match["values"]:
         raise ValueError(
-            f"{where}: {match['name']} has invalid values after the ';', which a space does not have"
+            f"{where}: {match['name']} has invalid values after the ';', which a space does not "
+            "have"
         )
     return (
         where,
@@ -97,8 +100,8 @@ def acts_xml_space(text: str, name: str) -> Space:
         if root.tag != "System":
             raise ValueError(f"expected the element System, got {root.tag}")
         for path, why in (("Relations/Relation", "relation"), ("Testset/*", "test set")):
-            if [found for found in root.findall(path) if found.get("Default") != "true"]:
-                raise ValueError(f"System/{path}: {REFUSED[why]}")
+            if any(part.get("Default") != "true" for part in root.findall(path)):
+                raise ValueError(f"System/{path}: {REJECTED[why]}")
         parameters = [
             _element(index, element)
             for index, element in enumerate(root.findall("Parameters/Parameter"), 1)
@@ -119,7 +122,8 @@ def _element(index: int, element: ET.Element) -> Named:
     where = f"Parameter[{index}]"
     if not name or (kind and kind not in KINDS):
         raise ValueError(
-            f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got name {name!r} and type {kind!r}"
+            f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got name "
+            f"{name!r} and type {kind!r}"
         )
     if element.findall("invalidValues/*"):
         raise ValueError(f"{where}: {name} has invalid values, which a space does not have")
@@ -141,7 +145,8 @@ def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) 
             raise ValueError(f"{where}: the parameter {name} appears twice")
         if not all(values) or len(set(values)) != len(values):
             raise ValueError(
-                f"{where}: the values of {name} must be distinct and not empty, got {', '.join(values)}"
+                f"{where}: the values of {name} must be distinct and not empty, got "
+                f"{', '.join(values)}"
             )
         typed[name] = _typed(where, name, kind, values)
         variables.append(Variable(name, "categorical", values=tuple(values)))
@@ -155,11 +160,12 @@ def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) 
 
 
 def _typed(where: str, name: str, kind: str, values: list[str]) -> Typed:
-    numeric, truth = (
-        all(map(NUMBER.fullmatch, values)),
-        all(value.lower() in TRUTH for value in values),
-    )
-    kind = kind or ("int" if numeric else "boolean" if truth else "enum")
+    numeric = all(map(NUMBER.fullmatch, values))
+    truth = all(value.lower() in TRUTH for value in values)
+    if not kind and numeric:
+        kind = "int"
+    elif not kind:
+        kind = "boolean" if truth else "enum"
     if kind not in KINDS.values():
         raise ValueError(f"{where}: the type of {name} must be int, enum or boolean, got {kind!r}")
     if (kind == "int" and not numeric) or (kind == "boolean" and not truth):

@@ -1,4 +1,7 @@
-"""Labels of BDD100K (https://doc.bdd100k.com): weather, scene and timeofday of each image, and its number of boxes."""
+"""Labels of BDD100K (https://doc.bdd100k.com).
+
+They give weather, scene and timeofday of each image, and its boxes.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,9 @@ from pipeline.errors import InputError, shown
 
 
 def is_bdd100k(plain: Any) -> bool:
-    """Whether JSON is a list of labelled frames, the same inside `frames`, or the file of one image."""
+    """Whether JSON is a list of labelled frames, the same inside `frames`, or the file of one
+    image.
+    """
     frames = plain.get("frames") if isinstance(plain, dict) else plain
     return (
         isinstance(frames, list)
@@ -22,49 +27,46 @@ def is_bdd100k(plain: Any) -> bool:
 def bdd100k(path: Path, plain: Any) -> DataSet:
     """Images of a label file; `undefined` is no category of a space, so the image is partial.
 
-    Conditions: the `attributes` of the image, and `objects`, its number of labels with a box. Raises InputError that names the place.
+    Conditions: the `attributes` of the image, and `objects`, its number of labels with a box.
+
+    Raises:
+        InputError: naming the place.
     """
-    alone = isinstance(plain, dict) and "name" in plain
-    frames = [plain] if alone else plain["frames"] if isinstance(plain, dict) else plain
+    if isinstance(plain, dict) and "name" in plain:
+        return DataSet.of(path, [_image(path, "", plain)])
+    frames = plain["frames"] if isinstance(plain, dict) else plain
     return DataSet.of(
-        path,
-        [_image(path, "" if alone else f"[{index}]", frame) for index, frame in enumerate(frames)],
+        path, [_image(path, f"[{index}]", frame) for index, frame in enumerate(frames)]
     )
 
 
 def _image(path: Path, where: str, frame: Any) -> tuple[str, dict[str, Any]]:
     name = member(path, frame, "name", str, where)
-    said: dict[str, Any] = {}
-    for key, value in (
-        member(path, frame, "attributes", dict, where)
-        if frame.get("attributes") is not None
-        else {}
-    ).items():
+    conditions: dict[str, Any] = {}
+    attributes = {}
+    if frame.get("attributes") is not None:
+        attributes = member(path, frame, "attributes", dict, where)
+    for key, value in attributes.items():
         if not isinstance(value, str | int | float | None):
             raise InputError(
                 f"{path}: {where}.attributes.{key}: expected a text, got {shown(value)}"
             )
-        said[key] = None if value is None else str(value)
-    return name, {
-        **said,
-        "objects": sum(_has_box(path, where, label) for label in _labels(path, where, frame)),
-    }
+        conditions[key] = None if value is None else str(value)
+    conditions["objects"] = 0
+    for label in _labels(path, where, frame):
+        if not isinstance(label, dict):
+            raise InputError(f"{path}: {where}.labels: expected mappings, got {shown(label)}")
+        conditions["objects"] += label.get("box2d") is not None
+    return name, conditions
 
 
 def _labels(path: Path, where: str, frame: dict[str, Any]) -> list[Any]:
     """The labels of a frame: `labels`, or `objects` of the only frame of an image's own file."""
     if isinstance(frame.get("frames"), list):
-        return [
-            label
-            for inner in frame["frames"]
-            for label in member(path, inner, "objects", list, f"{where}.frames")
-        ]
-    return (
-        list(member(path, frame, "labels", list, where)) if frame.get("labels") is not None else []
-    )
-
-
-def _has_box(path: Path, where: str, label: Any) -> bool:
-    if not isinstance(label, dict):
-        raise InputError(f"{path}: {where}.labels: expected mappings, got {shown(label)}")
-    return label.get("box2d") is not None
+        labels = []
+        for inner in frame["frames"]:
+            labels += member(path, inner, "objects", list, f"{where}.frames")
+        return labels
+    if frame.get("labels") is None:
+        return []
+    return list(member(path, frame, "labels", list, where))

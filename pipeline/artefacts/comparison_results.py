@@ -1,4 +1,6 @@
-"""comparison.json and changes.csv: every model version on the same frozen sequence of held-out tests."""
+"""comparison.json and changes.csv: every model version on the same frozen sequence of held-out
+tests.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,10 @@ TestName = Annotated[
 
 
 class VersionPair(Result):
-    """Two versions on the same tests: the tests that only one of them fails, and the exact McNemar p-value."""
+    """Two versions on the same tests.
+
+    It has the tests that only one of them fails, and the exact McNemar p-value.
+    """
 
     version: str
     against: str
@@ -42,7 +47,12 @@ class VersionPair(Result):
 
 
 class ScenarioResult(Result):
-    """One model version on one held-out scenario. rate: failures per valid test. paired: against the base."""
+    """One model version on one held-out scenario.
+
+    Attributes:
+        rate: failures per valid test.
+        paired: against the base.
+    """
 
     tests: int
     failures: int
@@ -52,11 +62,15 @@ class ScenarioResult(Result):
 
 
 class LimitResult(Result):
-    """How far a version's failure rate may be above the base's on the `tests` of a scenario or of a named group that are valid for both.
+    """How far a version's failure rate may be above the base's on the `tests` of a scenario or of a
+    named group that are valid for both.
 
-    name: printed name of the scenario, or name of the group. measure: false activations are the failures of tests that ask not to brake.
-    limit: one-sided upper confidence limit of the rise (Tango 1998), as a share of tests. judgement: against the comparison's margin; a
-    part that is too small to judge does not hold the version back. See `pipeline.core.gate`.
+    Attributes:
+        name: printed name of the scenario, or name of the group.
+        measure: false activations are the failures of tests that ask not to brake.
+        limit: one-sided upper confidence limit of the rise (Tango 1998), as a share of tests.
+        judgement: against the comparison's margin; a part that is too small to judge does not hold
+            the version back. See `pipeline.core.gate`.
     """
 
     name: str
@@ -71,9 +85,15 @@ class LimitResult(Result):
 class VersionResult(Result):
     """One model version on the frozen held-out sequence.
 
-    group: name shared by versions that differ only by the seed of retraining; round: of retraining, 0 for the base. tests: valid
-    executions. rate: failures per valid test. change: regressions minus fixes, over the tests that are valid for this version and the
-    base. scenarios: results by scenario. limits: of the rise in each scenario and named group; none for the base.
+    Attributes:
+        group: name shared by versions that differ only by the seed of retraining.
+        round: of retraining, 0 for the base.
+        tests: valid executions.
+        rate: failures per valid test.
+        change: regressions minus fixes, over the tests that are valid for this version and the
+            base.
+        scenarios: results by scenario.
+        limits: of the rise in each scenario and named group; none for the base.
     """
 
     version: str
@@ -93,11 +113,16 @@ class VersionResult(Result):
 
 
 class GroupResult(Result):
-    """Versions that differ only by the seed of retraining: mean failures, in total and by scenario, with Student's intervals over the
-    seeds, on the `tests` that are valid for every version of the study. A single version has no interval (low = high), see
+    """Versions that differ only by the seed of retraining.
+
+    It has mean failures, in total and by scenario, with Student's intervals over the seeds, on the
+    `tests` that are valid for every version of the study.
+
+    A single version has no interval (low = high), see
     `pipeline.core.comparison.SequenceOutcomes.rate`.
 
-    against_base: ratio of its mean to the base's failures; null if the base never fails.
+    Attributes:
+        against_base: ratio of its mean to the base's failures; null if the base never fails.
     """
 
     group: str
@@ -112,8 +137,11 @@ class GroupResult(Result):
 class GroupPair(Result):
     """Two groups on the `tests` that are valid for all of their versions.
 
-    difference: mean failures of `group` minus those of `against`, with Student's interval over the seeds, paired by seed. p_value: exact
-    randomisation test over the tests: whether these versions differ on tests like these. With one seed it equals the exact McNemar test.
+    Attributes:
+        difference: mean failures of `group` minus those of `against`, with Student's interval over
+            the seeds, paired by seed.
+        p_value: exact randomisation test over the tests: whether these versions differ on tests
+            like these. With one seed it equals the exact McNemar test.
     """
 
     group: str
@@ -123,9 +151,12 @@ class GroupPair(Result):
     p_value: float
 
     def shown(self, alpha: float) -> bool:
-        """Whether the tests show a difference (p at most alpha) and, with several seeds, the interval over the seeds excludes 0. One
-        seed says nothing about the variation between trainings. Judged by the tests alone, the variation of three trainings would pass
-        for an effect in up to a fifth of cases."""
+        """Whether the tests show a difference (p at most alpha) and, with several seeds, the
+        interval over the seeds excludes 0.
+
+        One seed says nothing about the variation between trainings. Judged by the tests alone, the
+        variation of three trainings would pass for an effect in up to a fifth of cases.
+        """
         return self.p_value <= alpha and not self.difference.low <= 0 <= self.difference.high
 
     def shows_fewer(self, alpha: float) -> bool:
@@ -134,9 +165,12 @@ class GroupPair(Result):
 
 
 class SecondIou(Result):
-    """The groups and their pairs on the same tests, judged and, where the brake would have acted otherwise, driven with another IoU.
+    """The groups and their pairs on the same tests, judged and, where the brake would have acted
+    otherwise, driven with another IoU.
 
-    iou: at which detections match here; first: in the comparison itself.
+    Attributes:
+        iou: at which detections match here.
+        first: in the comparison itself.
     """
 
     iou: float
@@ -146,8 +180,9 @@ class SecondIou(Result):
 
 
 class RegionResult(Result):
-    """A failure region of the base on the held-out sequence, and each version's failures among the `tests` inside its rule that are valid
-    for every version."""
+    """A failure region of the base on the held-out sequence, and each version's failures among the
+    `tests` inside its rule that are valid for every version.
+    """
 
     scenario: str
     name: str
@@ -159,8 +194,12 @@ class RegionResult(Result):
 class PlantedGroup(Result):
     """A group of people or poses that the base was trained on rarely.
 
-    group: its name. frequency: relative to others, in (0, 1). searched: strategy -> its tests of the group. regions: the base's regions
-    with rules that name the group. held_out: version -> the held-out tests of the group.
+    Attributes:
+        group: its name.
+        frequency: relative to others, in (0, 1).
+        searched: strategy -> its tests of the group.
+        regions: the base's regions with rules that name the group.
+        held_out: version -> the held-out tests of the group.
     """
 
     group: str
@@ -171,14 +210,23 @@ class PlantedGroup(Result):
 
 
 class Comparison(Result):
-    """All versions on one frozen sequence. The file names a fix or a regression `<scenario>-<index>`, with five digits.
+    """All versions on one frozen sequence.
 
-    pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: every pair of groups. no_braking:
-    held-out scenarios in which the right answer is not to brake. base_rates: of the search scenarios. trained_on: the base set that the
-    base was trained on; null if its card does not say. base_set: the base set of this study; null for one that only tests detectors.
-    second: null if the study asks for no second IoU. margin: highest rise of a failure rate over the base's that the gate tolerates, as a
-    share of tests. gate: of each version, why the gate passes it or holds it back. passing: the versions that pass. planted: the
-    groups that the base was trained on rarely.
+    The file names a fix or a regression `<scenario>-<index>`, with five digits.
+
+    Attributes:
+        pairs: exact McNemar test of every pair of versions, `against` is the earlier one.
+        group_pairs: every pair of groups.
+        no_braking: held-out scenarios in which the right answer is not to brake.
+        base_rates: of the search scenarios.
+        trained_on: the base set that the base was trained on; null if its card does not say.
+        base_set: the base set of this study; null for one that only tests detectors.
+        second: null if the study asks for no second IoU.
+        margin: highest rise of a failure rate over the base's that the gate tolerates, as a share
+            of tests.
+        gate: of each version, why the gate passes it or holds it back.
+        passing: the versions that pass.
+        planted: the groups that the base was trained on rarely.
     """
 
     strategy: str

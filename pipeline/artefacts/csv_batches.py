@@ -1,180 +1,160 @@
-"""Reads CSV in blocks of whole rows, so that a table never lies in memory; values are the texts that are written."""
+"""Reads a CSV in batches of rows with Arrow; the values are texts, spelt as in the file."""
 
 from __future__ import annotations
 
 import csv
-import io
 import re
 from collections.abc import Iterator, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
-from numba import njit
-from numpy.typing import NDArray
 from pyarrow import csv as pa_csv
 
 from pipeline.errors import InputError
 
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
-QUOTED = re.compile(rb'(?<![^,\r\n])[ \t]*("[^"]*(?:""[^"]*)*")')
-NO_ROWS = re.compile(rb"[\r\n]*")
+SPACE_BEFORE_QUOTE = re.compile(rb'(?:\A|(?<=[,\r\n]))[ \t]+(?=")')
 BLOCK = 1 << 24
-"""Bytes that are read at a time."""
-LONGEST_ROW = 1 << 26
-COMMA, QUOTE, SPACE, TAB, LINE, RETURN = b'," \t\n\r'
-START, PLAIN, INSIDE, CLOSING = range(4)
-"""Where a byte of a field may be: before it, in it without quotes, inside quotes, after a quote that closes or is doubled."""
+"""Bytes that are parsed at a time; no row may be longer."""
+ROW_ERROR = re.compile(r"Row #(\d+): (.*)")
 
 
 def open_csv(path: Path, wanted: Sequence[str]) -> tuple[tuple[str, ...], Iterator[Any]]:
-    """The names of all columns, and batches of those that are wanted and there, as Arrow tables with null for nothing between commas."""
-    blocks = whole_rows(path)
-    header, rest = _header(next(blocks, b""))
+    """Open a CSV with a header.
+
+    Args:
+        path: the file, UTF-8 with or without a byte order mark.
+        wanted: names of the columns to read; those that the file lacks are left out.
+
+    Returns:
+        The names of all columns, and batches of the wanted ones as Arrow tables of texts, with
+        null where nothing stands between two commas.
+
+    Raises:
+        InputError: here or from the batches, for a wanted column that appears twice, another
+            separator, a row with more or fewer fields than the header, a quote that is never
+            closed, a row of more than `BLOCK` bytes or bytes that are not UTF-8.
+    """
+    header = _header(path)
     places = column_places(path, header, wanted)
-    if (
-        not places
-        and len(header) == 1
-        and (found := [name for separator, name in SEPARATORS.items() if separator in header[0]])
-    ):
-        raise InputError(f"{path}: expected commas between the columns, got {found[0]}")
-    # Arrow takes no column at all for all columns.
-    return header, _batches(path, len(header), places, rest, blocks) if places else iter(())
+    if not places and len(header) == 1:
+        for separator, name in SEPARATORS.items():
+            if separator in header[0]:
+                raise InputError(f"{path}: expected commas between the columns, got {name}")
+    # Arrow reads an empty list of columns as all columns.
+    return header, _batches(path, len(header), places) if places else iter(())
 
 
 def column_places(path: Path, header: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
-    """Position of each wanted column that is there: by its name, else by its name without spaces around it."""
+    """Position of each wanted column, by its name or, failing that, its name without spaces."""
     places = {}
     for name in wanted:
-        found = [i for i, known in enumerate(header) if known == name]
-        found = found or [
-            i for i, known in enumerate(header) if known.strip() == name and known not in wanted
-        ]
-        if len(found) > 1:
+        matches = [i for i, column in enumerate(header) if column == name]
+        if not matches:
+            unclaimed = (i for i, column in enumerate(header) if column not in wanted)
+            matches = [i for i in unclaimed if header[i].strip() == name]
+        if len(matches) > 1:
             raise InputError(f"{path}: the column '{name}' appears twice")
-        if found:
-            places[name] = found[0]
+        if matches:
+            places[name] = matches[0]
     return places
 
 
-def whole_rows(path: Path) -> Iterator[bytes]:
-    """The rows of a file in blocks of about `BLOCK` bytes, without spaces before quotes, which Arrow takes for text."""
-    with path.open("rb") as file:
-        rest = file.read(BLOCK).removeprefix(BYTE_ORDER_MARK).lstrip(b"\r\n")
-        while more := file.read(BLOCK):
-            end, _ = _end_of_rows(rest)
-            if len(rest) - end > LONGEST_ROW:
-                raise InputError(
-                    f"{path}: a row is longer than {LONGEST_ROW >> 20} MB; perhaps a quote is opened and never closed"
-                )
-            if end:
-                yield _cleaned(rest[:end])
-            rest = rest[end:] + more
-    if _end_of_rows(rest)[1]:
-        raise InputError(f"{path}: a quote is opened and never closed")
-    if rest:
-        yield _cleaned(rest)
+def _header(path: Path) -> tuple[str, ...]:
+    with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+        header = next(filter(None, csv.reader(file, skipinitialspace=True)), [])
+    try:
+        ",".join(header).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{path}: the header is not UTF-8 text") from None
+    return tuple(header)
 
 
-def _end_of_rows(data: bytes) -> tuple[int, bool]:
-    """Position after the last line end that ends a row, and whether a quote is open at the end of the data."""
-    if b'"' in data:
-        end, opened = _scan(np.frombuffer(data, np.uint8))
-        return int(end), bool(opened)
-    return max(data.rfind(b"\n"), data.rfind(b"\r", 0, -1)) + 1, False
+class _EndedText:
+    """Prepares the bytes of a CSV of n columns for Arrow, chunk by chunk.
+
+    It drops spaces before a field's opening quote, which Arrow would read as part of the value, and
+    appends a row of n + 1 fields. Arrow has to report that row as wrong: if it does not, a quote is
+    still open.
+    """
+
+    def __init__(self, columns: int) -> None:
+        self.last_row = "end of the table" + "," * columns
+        self._rest = b""
+        self._quotes = 0
+        self._ended = False
+
+    def __call__(self, chunk: Any) -> bytes:
+        text = self._rest + bytes(chunk)
+        if len(chunk):
+            # Spaces and the quote after them may come in different chunks.
+            end = max(0, text.rfind(b","), text.rfind(b"\n"), text.rfind(b"\r"))
+            text, self._rest = text[:end], text[end:]
+        elif self._ended:  # Arrow asks again after the end.
+            return b""
+        else:
+            text, self._ended = text + b"\n" + self.last_row.encode(), True
+        return self._without_spaces(text)
+
+    def _without_spaces(self, text: bytes) -> bytes:
+        parts, place = [], 0
+        if b' "' in text or b'\t"' in text:
+            for spaces in SPACE_BEFORE_QUOTE.finditer(text):
+                self._quotes += text.count(b'"', place, spaces.start())
+                outside = self._quotes % 2 == 0  # Inside a field, quotes are doubled.
+                parts.append(text[place : spaces.start() if outside else spaces.end()])
+                place = spaces.end()
+        self._quotes += text.count(b'"', place)
+        return b"".join([*parts, text[place:]])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _scan(data: NDArray[np.uint8]) -> tuple[int, bool]:
-    end, state = 0, START
-    for place in range(len(data)):
-        byte = data[place]
-        if state == INSIDE:
-            state = CLOSING if byte == QUOTE else INSIDE
-        elif byte == QUOTE and state in (CLOSING, START):
-            state = INSIDE
-        elif byte in (LINE, RETURN):
-            state = START
-            if byte == LINE or place + 1 < len(data):  # A line end may be two bytes.
-                end = place + 1
-        elif byte == COMMA:
-            state = START
-        elif state != START or (byte != SPACE and byte != TAB):
-            state = PLAIN
-    return end, state == INSIDE
+def _batches(path: Path, columns: int, places: dict[str, int]) -> Iterator[Any]:
+    text = _EndedText(columns)
+    wrong: list[str] = []
 
+    def note(row: Any) -> str:
+        wrong.append(row.text)
+        return "skip" if row.text == text.last_row else "error"
 
-def _cleaned(rows: bytes) -> bytes:
-    return QUOTED.sub(rb"\1", rows) if b' "' in rows or b'\t"' in rows else rows
-
-
-def _header(block: bytes) -> tuple[tuple[str, ...], memoryview]:
-    """The names in the first row, and the rows after it: Arrow's own ways to skip a header lose rows after some of them."""
-    read = 0
-
-    def lines() -> Iterator[str]:
-        nonlocal read
-        for line in io.TextIOWrapper(io.BytesIO(block), "utf-8", "surrogateescape", newline=""):
-            read += len(line.encode("utf-8", "surrogateescape"))
-            yield line
-
-    header = tuple(next(csv.reader(lines()), ()))
-    ",".join(
-        header
-    ).encode()  # Bytes that are no text are refused, but only in the header: Arrow refuses those in rows.
-    return header, memoryview(block)[read:]
-
-
-def _batches(
-    path: Path, fields: int, places: dict[str, int], first: memoryview, blocks: Iterator[bytes]
-) -> Iterator[Any]:
-    done = 0
-    for rows in chain([first], map(memoryview, blocks)):
-        if not NO_ROWS.fullmatch(rows):
-            table = _parsed(path, rows, fields, list(places.values()), done)
-            done += table.num_rows
-            yield table.rename_columns(list(places))
-
-
-def _parsed(path: Path, rows: memoryview, fields: int, places: list[int], done: int) -> Any:
-    """The columns at `places` of rows that come after `done` others; InputError that names a row with a wrong number of fields."""
-    wrong: list[Any] = []
-
-    def refuse(row: Any) -> str:
-        wrong.append(row)
-        return "error"
-
-    def parse(threads: bool) -> Any:
-        kept = list(map(str, places))
-        return pa_csv.read_csv(
-            pa.BufferReader(rows),
+    read = list(map(str, places.values()))
+    rows = -1  # The header is read as a row: Arrow's way to skip it loses rows after some headers.
+    try:
+        reader = pa_csv.open_csv(
+            pa.TransformInputStream(pa.OSFile(str(path)), text),
             pa_csv.ReadOptions(
-                use_threads=threads,
-                block_size=len(rows) + 1,
-                column_names=[str(i) for i in range(fields)],
+                use_threads=False,  # With threads, Arrow does not count the rows.
+                block_size=BLOCK,
+                column_names=[str(place) for place in range(columns)],
             ),
-            pa_csv.ParseOptions(newlines_in_values=True, invalid_row_handler=refuse),
+            pa_csv.ParseOptions(newlines_in_values=True, invalid_row_handler=note),
             pa_csv.ConvertOptions(
-                include_columns=kept,
-                column_types=dict.fromkeys(kept, pa.dictionary(pa.int32(), pa.string())),
+                include_columns=read,
+                column_types=dict.fromkeys(read, pa.dictionary(pa.int32(), pa.string())),
                 null_values=[""],
                 strings_can_be_null=True,
                 quoted_strings_can_be_null=False,
             ),
         )
+        for batch in reader:
+            first = int(rows < 0)
+            rows += batch.num_rows
+            if batch.num_rows > first:
+                yield pa.table(batch.columns, list(places)).slice(first)
+    except pa.ArrowInvalid as error:
+        quote_open = any(row != text.last_row and row.endswith(text.last_row) for row in wrong)
+        raise InputError(f"{path}: {_explained(str(error), rows, quote_open)}") from None
+    if not wrong:
+        raise InputError(f"{path}: row {rows} opens a quote and never closes it")
 
-    try:
-        return parse(threads=True)
-    except pa.ArrowInvalid:
-        if not wrong:
-            raise
-    try:
-        wrong.clear()
-        return parse(threads=False)  # Only one thread knows the number of a wrong row.
-    except pa.ArrowInvalid:
-        row = wrong[0]
-        said = f"row {done + row.number} has {row.actual_columns} fields, the header {row.expected_columns}: {row.text[:80]!r}"
-        raise InputError(f"{path}: {said}") from None
+
+def _explained(error: str, rows: int, quote_open: bool) -> str:
+    """Which row of a CSV is wrong, counted from 1, and why; rows: number of rows before it."""
+    if "straddling" in error:
+        limit = f"{BLOCK >> 20} MB; perhaps it opens a quote and never closes it"
+        return f"row {rows + 1} is longer than {limit}"
+    match = ROW_ERROR.search(error)
+    if match is None:
+        return error.splitlines()[0]
+    row = f"row {int(match[1]) - 1}"
+    return f"{row} opens a quote and never closes it" if quote_open else f"{row}: {match[2]}"

@@ -1,6 +1,7 @@
 """Labelled images on disk: YOLO layout for every trainer, truth.coco.json for every evaluator.
 
-images/{train,val}/NNNNNN.jpg, labels/{train,val}/NNNNNN.txt, dataset.yaml and truth.coco.json lie under one root.
+images/{train,val}/NNNNNN.jpg, labels/{train,val}/NNNNNN.txt, dataset.yaml and truth.coco.json lie
+under one root.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ JPEG = (
 
 SEGMENT_COLOURS = np.array(
     [
-        (118, 168, 214), (104, 96, 112), (245, 245, 245), (196, 170, 184), (150, 190, 120), (92, 88, 84), (84, 128, 60), (160, 160, 160),
+        (118, 168, 214), (104, 96, 112), (245, 245, 245), (196, 170, 184),
+        (150, 190, 120), (92, 88, 84), (84, 128, 60), (160, 160, 160),
         (220, 50, 60), (60, 80, 170), (250, 190, 30), (40, 200, 210),
     ],
     np.uint8,
@@ -48,7 +50,11 @@ SEGMENT_COLOURS = np.array(
 
 @dataclass(frozen=True)
 class Record:
-    """An image's entry in truth.coco.json; width and height in pixels. tags: written at its annotation, too, where other tools look."""
+    """An image's entry in truth.coco.json; width and height in pixels.
+
+    Attributes:
+        tags: written at its annotation, too, where other tools look.
+    """
 
     split: Split
     index: int
@@ -63,8 +69,13 @@ class Record:
 class ImageSet:
     """A split in memory.
 
-    images: (n, h, w, 3) uint8 RGB. boxes, whole_boxes: (n, 4) float32 left, top, right, bottom in pixels, zeros without a pedestrian.
-    visible_pixels: (n,) int64. contrast: (n,) float32 grey levels. digest: SHA-256 of truth and image files.
+    Attributes:
+        images: (n, h, w, 3) uint8 RGB.
+        boxes, whole_boxes: (n, 4) float32 left, top, right, bottom in pixels, zeros without a
+            pedestrian.
+        visible_pixels: (n,) int64.
+        contrast: (n,) float32 grey levels.
+        digest: SHA-256 of truth and image files.
     """
 
     images: NDArray[np.uint8]
@@ -80,12 +91,8 @@ class ImageSet:
                 f"images must be (n, h, w, 3) uint8, got {self.images.shape} {self.images.dtype}"
             )
         n = len(self.images)
-        for name, shape in {
-            "boxes": (n, 4),
-            "whole_boxes": (n, 4),
-            "visible_pixels": (n,),
-            "contrast": (n,),
-        }.items():
+        shapes = {"boxes": (n, 4), "whole_boxes": (n, 4), "visible_pixels": (n,), "contrast": (n,)}
+        for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} must have shape {shape}, got {getattr(self, name).shape}")
 
@@ -99,11 +106,10 @@ class ImageSet:
 
     def take(self, indices: NDArray[np.int64], digest: str = "") -> ImageSet:
         """The images at the given indices."""
-        boxes, whole_boxes = self.boxes[indices], self.whole_boxes[indices]
         return ImageSet(
             self.images[indices],
-            boxes,
-            whole_boxes,
+            self.boxes[indices],
+            self.whole_boxes[indices],
             self.visible_pixels[indices],
             self.contrast[indices],
             digest,
@@ -111,11 +117,16 @@ class ImageSet:
 
 
 def image_set(labelled: Sequence[tuple[NDArray[np.uint8], Truth]], digest: str = "") -> ImageSet:
-    """Gather (image, truth) pairs of one image size; ValueError if there are none or the sizes differ."""
+    """Gather (image, truth) pairs of one image size.
+
+    Raises:
+        ValueError: if there are none or the sizes differ.
+    """
     shapes = {image.shape for image, _ in labelled}
     if len(shapes) != 1:
         raise ValueError(
-            f"images must be at least one and of one size, got {len(labelled)} of sizes {sorted(shapes)}"
+            f"images must be at least one and of one size, got {len(labelled)} of sizes "
+            f"{sorted(shapes)}"
         )
     return _labelled(
         np.stack([image for image, _ in labelled]), [truth for _, truth in labelled], digest
@@ -148,7 +159,10 @@ def joined(first: ImageSet, second: ImageSet) -> ImageSet:
 
 
 def encode_jpeg(image: NDArray[np.uint8]) -> bytes:
-    """(h, w, 3) uint8 RGB to JPEG, quality 95, colours at full resolution; equal images give equal bytes."""
+    """(h, w, 3) uint8 RGB to JPEG, quality 95, colours at full resolution.
+
+    Equal images give equal bytes.
+    """
     return bytes(cv2.imencode(".jpg", image[:, :, ::-1], JPEG)[1])
 
 
@@ -174,7 +188,10 @@ def write_image(
 
 
 def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint8]) -> None:
-    """Write one segmentation, (h, w) class numbers, as an unflushed PNG; its palette makes it readable, its values are class numbers."""
+    """Write one segmentation, (h, w) class numbers, as an unflushed PNG.
+
+    Its palette makes it readable, its values are class numbers.
+    """
     picture = Image.fromarray(classes, mode="P")
     picture.putpalette(SEGMENT_COLOURS.tobytes())
     buffer = io.BytesIO()
@@ -183,37 +200,35 @@ def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint
 
 
 def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
-    """Delete the images, labels and segmentations that these records do not name, of an earlier data set or of a killed writer."""
+    """Delete the images, labels and segmentations that these records do not name, of an earlier
+    data set or of a killed writer.
+    """
     wanted = {f"{record.split}/{record.index:06d}" for record in records}
-    for path in [
-        *root.glob("images/*/*"),
-        *root.glob("labels/*/*"),
-        *root.glob("segments/*/*"),
-        *root.glob("segments/.*"),
-    ]:
-        if f"{path.parent.name}/{path.stem}" not in wanted:
-            path.unlink()
+    for pattern in ("images/*/*", "labels/*/*", "segments/*/*", "segments/.*"):
+        for path in list(root.glob(pattern)):
+            if f"{path.parent.name}/{path.stem}" not in wanted:
+                path.unlink()
 
 
 def place_dataset(source: Path, root: Path) -> None:
-    """Put a finished data set in its final place, instead of any older one there; `source` keeps its files, so that a kill loses none."""
-    for made in (
-        source / name for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE)
-    ):
-        if made.exists():
-            stamps.remove(root / made.name)
-        for file in (path for path in (made, *made.rglob("*")) if path.is_file()):
-            _link(file, root / file.relative_to(source))
+    """Put a finished data set in its final place, instead of any older one there.
+
+    `source` keeps its files, so that a kill loses none.
+    """
+    for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE):
+        part = source / name
+        if part.exists():
+            stamps.remove(root / name)
+        for file in (part, *part.rglob("*")):
+            if not file.is_file():
+                continue
+            path = root / file.relative_to(source)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                path.hardlink_to(file)
+            except OSError:  # A disk without second names.
+                write_bytes(path, file.read_bytes(), flush=False)
     flush_all()
-
-
-def _link(source: Path, path: Path) -> None:
-    """Give a file a second name; a copy of it where the disk has no second names."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        path.hardlink_to(source)
-    except OSError:
-        write_bytes(path, source.read_bytes(), flush=False)
 
 
 def images_sha256(root: Path, records: Iterable[Record]) -> str:
@@ -229,16 +244,16 @@ def images_sha256(root: Path, records: Iterable[Record]) -> str:
 def write_truth(root: Path, records: Iterable[Record], category: str = "pedestrian") -> None:
     """Write truth.coco.json and dataset.yaml for the records, ordered by split and index.
 
-    The file is plain COCO with additions: images carry `split`, the scenario variables and the box of a fully hidden pedestrian;
-    annotations carry visible_pixels, whole_pixels, contrast and whole_bbox.
+    The file is plain COCO with additions: images carry `split`, the scenario variables and the box
+    of a fully hidden pedestrian; annotations carry visible_pixels, whole_pixels, contrast and
+    whole_bbox.
     """
     ordered = sorted(records, key=lambda record: (record.split, record.index))
     images = [_image(number, record) for number, record in enumerate(ordered, 1)]
-    annotations = [
-        _annotation(number, r) for number, r in enumerate(ordered, 1) if r.truth.visible_box
-    ]
-    for number, annotation in enumerate(annotations, 1):
-        annotation["id"] = number
+    annotations: list[dict[str, Any]] = []
+    for number, record in enumerate(ordered, 1):
+        if record.truth.visible_box:
+            annotations.append(_annotation(len(annotations) + 1, number, record))
     write_json(
         root / TRUTH_FILE,
         {
@@ -248,15 +263,19 @@ def write_truth(root: Path, records: Iterable[Record], category: str = "pedestri
         },
     )
     splits = {record.split for record in ordered}
-    train, val = ("train" if "train" in splits else "val"), ("val" if "val" in splits else "train")
+    train = "train" if "train" in splits else "val"
+    val = "val" if "val" in splits else "train"
+    # Without `path`, Ultralytics uses the folder of this file.
     names = f"train: images/{train}\nval: images/{val}\nnames:\n  0: {category}\n"
-    write_bytes(
-        root / "dataset.yaml", names.encode()
-    )  # Without `path`, Ultralytics uses the folder of this file.
+    write_bytes(root / "dataset.yaml", names.encode())
 
 
 def read_dataset(root: Path, split: Split) -> ImageSet:
-    """Read a split into memory; InputError that names the file if a file is missing, has another format or another image size."""
+    """Read a split into memory.
+
+    Raises:
+        InputError: naming the file if a file is missing, has another format or another image size.
+    """
     path = root / TRUTH_FILE
     plain = read_json(path)
     try:
@@ -272,24 +291,29 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
         ) from error
     if not images:
         raise InputError(
-            f"{path} has no images of the split '{split}'; it needs more images, or another validation share"
+            f"{path} has no images of the split '{split}'; it needs more images, or another "
+            "validation share"
         )
     digest = hashlib.sha256(read_bytes(path))
-    pixels = np.empty(
-        (len(images), *shapes[0]), np.uint8
-    )  # Filled in place: a second copy might not fit into memory.
+    # Filled in place: a second copy might not fit into memory.
+    pixels = np.empty((len(images), *shapes[0]), np.uint8)
     for place, image in zip(pixels, images, strict=True):
         place[:] = _read_image(root / "images" / image["file_name"], place.shape, digest)
     return _labelled(pixels, truths, digest.hexdigest())
 
 
 def read_worlds(root: Path) -> Worlds:
-    """The towns and the people in the images; InputError that names the file if an image does not list its own."""
+    """The towns and the people in the images.
+
+    Raises:
+        InputError: naming the file if an image does not list its own.
+    """
     path = root / TRUTH_FILE
     try:
         shown = [image["attributes"] for image in read_json(path)["images"]]
         return Worlds(
-            *(frozenset(str(attributes[key]) for attributes in shown) for key in ("town", "people"))
+            frozenset(str(attributes["town"]) for attributes in shown),
+            frozenset(str(attributes["people"]) for attributes in shown),
         )
     except (KeyError, TypeError) as error:
         raise InputError(
@@ -314,15 +338,15 @@ def _label(box: Box | None, width: int, height: int) -> str:
         return ""
     left, top, right, bottom = box
     centre_x, centre_y = (left + right) / 2 / width, (top + bottom) / 2 / height
-    return f"0 {centre_x:.6f} {centre_y:.6f} {(right - left) / width:.6f} {(bottom - top) / height:.6f}\n"
+    size_x, size_y = (right - left) / width, (bottom - top) / height
+    return f"0 {centre_x:.6f} {centre_y:.6f} {size_x:.6f} {size_y:.6f}\n"
 
 
 def _corner_size(box: Box | None) -> list[float] | None:
-    return (
-        None
-        if box is None
-        else [float(box[0]), float(box[1]), float(box[2] - box[0]), float(box[3] - box[1])]
-    )
+    if box is None:
+        return None
+    left, top, right, bottom = box
+    return [float(left), float(top), float(right - left), float(bottom - top)]
 
 
 def _corners(bbox: Sequence[float] | None) -> Box | None:
@@ -343,13 +367,13 @@ def _image(number: int, record: Record) -> dict[str, Any]:
     }
 
 
-def _annotation(number: int, record: Record) -> dict[str, Any]:
+def _annotation(number: int, image: int, record: Record) -> dict[str, Any]:
     truth = record.truth
     bbox = _corner_size(truth.visible_box)
     assert bbox is not None
     return {
-        "id": 0,
-        "image_id": number,
+        "id": number,
+        "image_id": image,
         "category_id": CATEGORY_ID,
         "bbox": bbox,
         "area": bbox[2] * bbox[3],

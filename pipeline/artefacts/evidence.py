@@ -1,4 +1,6 @@
-"""evidence/<version>.json: what a study shows about one detector, for a safety case in the terms of ISO 21448 (SOTIF)."""
+"""evidence/<version>.json: what a study shows about one detector, for a safety case in the terms of
+ISO 21448 (SOTIF).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,10 @@ class Area(Result):
 
 
 class Risk(Area):
-    """The probability of a failure, from random tests alone. The tests of any other strategy never enter it."""
+    """The probability of a failure, from random tests alone.
+
+    The tests of any other strategy never enter it.
+    """
 
     below: float | None = Field(
         default=None, description="One-sided upper limit of the share: 95 % sure that it is below."
@@ -35,8 +40,11 @@ class Risk(Area):
 
 
 class Areas(Result):
-    """The areas of the thesis' Figure 8.1. `known_unsafe`, `known_safe` and `unknown` add up to 1. The rules of `unknown_unsafe` are fitted
-    to the tests of searches alone, so a part of it may lie in `known_unsafe`."""
+    """The areas of the thesis' Figure 8.1.
+
+    `known_unsafe`, `known_safe` and `unknown` add up to 1. The rules of `unknown_unsafe` are fitted
+    to the tests of searches alone, so a part of it may lie in `known_unsafe`.
+    """
 
     known_unsafe: Area = Field(description="Conditions inside the rule of a failure region.")
     confirmed: Area = Field(

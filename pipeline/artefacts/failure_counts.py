@@ -1,4 +1,7 @@
-"""Counts that the results of searches, regions and comparisons share: tests, failures by mode and by cause, and unnecessary braking."""
+"""Counts that the results of searches, regions and comparisons share.
+
+They count tests, failures by mode and by cause, and unnecessary braking.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +21,9 @@ class Count(Result):
 
 
 class Modes(Result):
-    """Failures by failure mode; `contact + late` fail by TTC alone, `false_positives` only because Eq. 5.3 divides by them, and
-    `false_activation` by unnecessary braking."""
+    """Failures by failure mode; `contact + late` fail by TTC alone, `false_positives` only because
+    Eq. 5.3 divides by them, and `false_activation` by unnecessary braking.
+    """
 
     contact: int = 0
     late: int = 0
@@ -55,7 +59,9 @@ class Causes(Result):
 class FalseActivations(Result):
     """Unnecessary emergency braking: `number` times in `braking` of `tests` valid tests.
 
-    duration_s: of all together. speed_loss_mps: speed lost by unnecessary braking in these `braking` tests together.
+    Attributes:
+        duration_s: of all together.
+        speed_loss_mps: speed lost by unnecessary braking in these `braking` tests together.
     """
 
     tests: int = 0

@@ -1,6 +1,6 @@
-"""Reads and writes whole files: atomic and durable writes, equal bytes for equal content, checked reads, errors that name the file.
+"""Reads and writes whole files; every artefact passes through `write_bytes` and `read_bytes`.
 
-Every artefact passes through `write_bytes` and `read_bytes`.
+Writes are atomic and durable, reads are checked against stamps, errors name the file.
 """
 
 from __future__ import annotations
@@ -23,9 +23,15 @@ DIGEST = 65
 
 
 def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
-    """Write a file atomically: readers see the old or the new file, never a part, even after a kill or a power cut; creates its folders.
+    """Write a file atomically, and its folders if they are missing.
 
-    flush: whether the file is on the disk when this returns. A caller that writes many files flushes them together, with `flush_all`.
+    Readers see the old or the new file, never a part, even after a kill or a power cut.
+
+    Args:
+        path: the file.
+        data: its content.
+        flush: whether the file is on the disk when this returns. A caller that writes many files
+            flushes them together, with `flush_all`.
     """
     make_folder(path.parent)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -47,7 +53,11 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it; InputError that names the file, or the link to nothing, that is in the way."""
+    """Make a folder and those above it.
+
+    Raises:
+        InputError: naming the file, or the link to nothing, that is in the way.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
@@ -80,23 +90,35 @@ def _flush_folder(folder: Path) -> None:
 
 
 def flush_all() -> None:
-    """Put all written files on the disk: for hundreds of small ones, a hundred times as fast as one by one."""
+    """Put all written files on the disk.
+
+    For hundreds of small files, this is a hundred times as fast as one by one.
+    """
     os.sync()
 
 
 def write_json(path: Path, plain: Any) -> None:
-    """Write plain data as indented JSON in the given order; ValueError for NaN and infinities, which JSON lacks."""
+    """Write plain data as indented JSON in the given order.
+
+    Raises:
+        ValueError: for NaN and infinities, which JSON lacks.
+    """
     write_bytes(
         path, (json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
     )
 
 
 def check_output(path: Path, folder: bool = False) -> None:
-    """InputError if a file, or a folder of files, cannot be written: before the work, not after it."""
+    """Check before the work that a file, or a folder of files, can be written.
+
+    Raises:
+        InputError: if it cannot.
+    """
     wanted = "a folder" if folder else "a file"
     if path.exists() and (path.is_dir() is not folder or not (folder or path.is_file())):
         raise InputError(
-            f"{path}: expected {wanted} to write to, got {'a folder' if path.is_dir() else 'something else'}"
+            f"{path}: expected {wanted} to write to, got "
+            f"{'a folder' if path.is_dir() else 'something else'}"
         )
     existing = path if folder and path.is_dir() else path.parent
     if not existing.is_dir():
@@ -110,7 +132,11 @@ def check_output(path: Path, folder: bool = False) -> None:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a whole file; InputError if it is missing or unreadable, or if its digest is not the one in its stamp."""
+    """Read a whole file.
+
+    Raises:
+        InputError: if it is missing or unreadable, or if its digest is not the one in its stamp.
+    """
     data = _read(path)
     stamps.check(path, data)
     return data
@@ -121,7 +147,8 @@ def _read(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise InputError(
-            f"{path}: expected a readable file, got {error.strerror or error}; ./run makes the files of a study"
+            f"{path}: expected a readable file, got {error.strerror or error}; ./run makes the "
+            "files of a study"
         ) from error
 
 
@@ -137,25 +164,31 @@ def read_json(path: Path) -> Any:
 
 
 def write_sealed(path: Path, data: bytes) -> None:
-    """Write a file of an unfinished job, which no stamp lists yet: its last line is its own digest."""
+    """Write a file of an unfinished job, which no stamp lists yet.
+
+    Its last line is its own digest.
+    """
     write_bytes(path, data + f"\n{hashlib.sha256(data).hexdigest()}".encode())
 
 
 def read_sealed(path: Path) -> bytes:
     """Read what `write_sealed` wrote; InputError if it is missing, unreadable or damaged."""
-    data = _read(
-        path
-    )  # Looking for its stamp among thousands of tests would take longer than reading it.
+    # Looking for its stamp among thousands of tests would take longer than reading it.
+    data = _read(path)
     content, line = data[:-DIGEST], data[-DIGEST:]
     if line != f"\n{hashlib.sha256(content).hexdigest()}".encode():
         raise InputError(
-            f"{path}: damaged, its content differs from the digest at its end; delete it and run the same command again"
+            f"{path}: damaged, its content differs from the digest at its end; delete it and run "
+            "the same command again"
         )
     return content
 
 
 def program_sha256(*packages: str) -> str:
-    """Hexadecimal SHA-256 of this package's source, or of some packages in it: intermediate results of another code version are ignored."""
+    """Hexadecimal SHA-256 of this package's source, or of some packages in it.
+
+    Intermediate results of another code version are ignored.
+    """
     root = Path(__file__).parents[1]
     files = sorted({path for name in packages or ("",) for path in (root / name).rglob("*.py")})
     listed = (
@@ -166,7 +199,11 @@ def program_sha256(*packages: str) -> str:
 
 
 def sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file's bytes, or of a folder's files by name and content; InputError if it is missing or damaged."""
+    """Hexadecimal SHA-256 of a file's bytes, or of a folder's files by name and content.
+
+    Raises:
+        InputError: if it is missing or damaged.
+    """
     if not path.is_dir():
         return hashlib.sha256(read_bytes(path)).hexdigest()
     files = sorted(file for file in path.rglob("*") if file.is_file())

@@ -1,4 +1,6 @@
-"""filter/<strategy>/<version>.csv: every kept frame of a strategy's campaigns against a version, whether training may use it, and why."""
+"""filter/<strategy>/<version>.csv: every kept frame of a strategy's campaigns against a version,
+whether training may use it, and why.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,20 @@ def write_filter(path: Path, rows: pd.DataFrame) -> None:
 
 
 def read_filter(path: Path) -> pd.DataFrame:
-    """Read a file of `write_filter`, `kept` as bool; InputError that names the file and the row if it is anything else."""
+    """Read a file of `write_filter`, `kept` as bool.
+
+    Raises:
+        InputError: naming the file and the row if it is anything else.
+    """
     return _read(path, COLUMNS, "kept")
 
 
 def read_overrules(path: Path) -> pd.DataFrame:
-    """Read a person's table `test_id,step,keep`, `keep` as bool; InputError that names the file and the row."""
+    """Read a person's table `test_id,step,keep`, `keep` as bool.
+
+    Raises:
+        InputError: naming the file and the row.
+    """
     return _read(path, OVERRULES, "keep")
 
 

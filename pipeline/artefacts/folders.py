@@ -1,4 +1,7 @@
-"""The layout of data/<study>: the paths of a study's files, and which files the search, the rounds and the comparison use."""
+"""The layout of data/<study>.
+
+It knows the paths of a study's files, and which of them search, rounds and comparison use.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ class Folders:
     def goals(self) -> list[str]:
         """The files that a run of the whole study makes in the end."""
         reported = ["report.html", "evidence/base.json", "tracking.json"]
-        made = {
+        outputs = {
             "report": reported,
             "base": ["models/base/model.json"],
             "front_car": ["front_car.html"],
@@ -40,8 +43,8 @@ class Folders:
             for name in self.config.tested
             for path in (f"reports/{name}.html", f"evidence/{name}.json")
         ]
-        made["detectors"] = [*pages, "measures.json", *compared]
-        return [f"{self.root}/{name}" for name in made[self.config.goal]]
+        outputs["detectors"] = [*pages, "measures.json", *compared]
+        return [f"{self.root}/{name}" for name in outputs[self.config.goal]]
 
     @property
     def compared(self) -> dict[str, str]:
@@ -138,17 +141,22 @@ class Folders:
         version: str = "base",
         seeds: Sequence[int] | None = None,
     ) -> list[str]:
-        """The file `name` of the search campaigns against a version: of all, or of one scenario, one strategy or some seeds.
+        """The file `name` of the search campaigns against a version.
 
         Campaigns of later rounds, which test retrained versions, are stored with these versions.
+
+        Args:
+            name: of the file in each campaign's folder.
+            scenario: None for all of the search.
+            strategy: None for all.
+            version: the version under test.
+            seeds: None for all.
         """
         config, described = self.config, self.config.version(version)
         if seeds is None:
             seeds = config.own_seeds(described) if described.round else config.seeds
-        scenarios, strategies = (
-            [scenario] if scenario else config.search,
-            [strategy] if strategy else config.strategies,
-        )
+        scenarios = [scenario] if scenario else config.search
+        strategies = [strategy] if strategy else config.strategies
         root = f"{self._where(described)}/campaigns"
         return [
             f"{root}/{a}/{b}/{version}/{seed}/{name}"
@@ -172,7 +180,10 @@ class Folders:
         ]
 
     def audit(self, version: str) -> list[str]:
-        """The tests of the random campaigns beside the searches against a version; none if a search is random itself."""
+        """The tests of the random campaigns beside the searches against a version.
+
+        There are none if a search is random itself.
+        """
         scenarios, seeds = self.config.search if self.config.audited else (), self.config.seeds
         return [
             f"{self.root}/{AUDITS}/{scenario}/{AUDIT}/{version}/{seed}/tests.parquet"
@@ -188,7 +199,10 @@ class Folders:
     def earlier(
         self, kind: str, scenario: str, strategy: str, version: str, seed: str
     ) -> list[str]:
-        """The tests of the earlier campaigns that a campaign learns from: same version and seed, scenarios before its own."""
+        """The tests of the earlier campaigns that a campaign learns from.
+
+        These have the same version and seed, and scenarios before its own.
+        """
         return [
             f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet"
             for a in self.config.earlier(scenario, strategy)
@@ -196,7 +210,10 @@ class Folders:
 
     @property
     def later_searches(self) -> list[str]:
-        """The tests of the campaigns that later rounds train on: each arm's strategy against its earlier versions."""
+        """The tests of the campaigns that later rounds train on.
+
+        They run each arm's strategy against its earlier versions.
+        """
         later = self.config.later.items()
         return [
             path
@@ -220,7 +237,9 @@ class Folders:
         return self.held_out("second_iou.parquet") if self.config.comparison.second_iou else []
 
     def added(self, version: str, arm: str, name: str) -> list[str]:
-        """The file `name` of the campaigns that feed an arm's version of the same round and seed as `version`."""
+        """The file `name` of the campaigns that feed an arm's version of the same round and seed as
+        `version`.
+        """
         config, described = self.config, self.config.version(version)
         strategy, seeds = config.sources[arm], config.own_seeds(described)
         return [
@@ -237,9 +256,12 @@ class Folders:
         ]
 
     def scenes(self, version: str, arm: str) -> str:
-        """The data set, below the study's folder, of the new scenes that feed an arm's version of the same seed as `version`."""
+        """The data set, below the study's folder, of the new scenes that feed an arm's version of
+        the same seed as `version`.
+        """
         described, seeds = self.config.version(version), self.config.retraining.seeds
-        return f"retrained/scenes/{self.config.arms[arm]}/{seeds[0] if described.seed is None else described.seed}"
+        seed = seeds[0] if described.seed is None else described.seed
+        return f"retrained/scenes/{self.config.arms[arm]}/{seed}"
 
     def filter(self, strategy: str, version: str = "base") -> str:
         """The filter table of a strategy's campaigns against a version."""
@@ -265,7 +287,7 @@ class Folders:
         return f"{self.root}/calibration/{version}.json"
 
     def calibrations(self, versions: Iterable[str]) -> list[str]:
-        """The calibrations of some detectors; none unless the study calibrates the detectors that it tests."""
+        """The calibrations of some detectors, if the study calibrates what it tests."""
         return [self.calibration(version) for version in versions] if self.config.calibrate else []
 
     def parent(self, version: str, name: str) -> str:
@@ -283,5 +305,5 @@ class Folders:
 
 
 def _tested(version: Version, arm: str) -> list[Version]:
-    """The versions whose campaigns feed an arm's version of the same round and seed, oldest first."""
+    """The versions whose campaigns feed an arm's version of its round and seed, oldest first."""
     return [replace(v, arm=arm) if v.round else v for v in version.tested]

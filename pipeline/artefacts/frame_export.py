@@ -1,4 +1,7 @@
-"""Exports campaign frames for other tools: YOLO layout, COCO and CSV for all, and an ASAM OpenLABEL 1.0 file for each test."""
+"""Exports campaign frames for other tools.
+
+It writes YOLO's layout, COCO and CSV for all, and an ASAM OpenLABEL 1.0 file for each test.
+"""
 
 from __future__ import annotations
 
@@ -35,16 +38,24 @@ class Exported:
 
 
 def export_frames(frames: Path, out: Path, hfov_deg: float, distortion: float) -> Exported:
-    """Write frames.parquet as images/, labels/ and dataset.yaml (YOLO), truth.coco.json, frames.csv and openlabel/<test_id>.json.
+    """Write frames.parquet as images/, labels/ and dataset.yaml (YOLO), truth.coco.json, frames.csv
+    and openlabel/<test_id>.json.
 
-    hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. Removes the files of an earlier export in `out`. InputError if `out`
-    holds anything else, which an export could overwrite.
+    Args:
+        frames: the table.
+        out: a new folder or that of an earlier export, whose files are removed.
+        hfov_deg: horizontal field of view of the camera, degrees.
+        distortion: first radial coefficient of the camera.
+
+    Raises:
+        InputError: if `out` holds anything else, which an export could overwrite.
     """
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: expected a folder to write in, got a file; choose another --out")
     if not (out / TABLE).exists() and out.exists() and any(out.iterdir()):
         raise InputError(
-            f"{out}: expected a new folder or that of an earlier export, got other files; choose another --out"
+            f"{out}: expected a new folder or that of an earlier export, got other files; choose "
+            "another --out"
         )
     table = (
         read_frames(frames).sort_values(["test_id", "step"], kind="stable").reset_index(drop=True)
@@ -94,9 +105,9 @@ def _write_table(out: Path, table: pd.DataFrame, records: list[Record]) -> None:
             for r in records
         ]
     )
-    own = table.drop(columns="image")
+    columns = table.drop(columns="image")
     ordered = pd.concat(
-        [files[["file", "split"]], own, files.drop(columns=["file", "split"])], axis=1
+        [files[["file", "split"]], columns, files.drop(columns=["file", "split"])], axis=1
     )
     write_bytes(
         out / TABLE, ordered.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode()

@@ -1,4 +1,7 @@
-"""What is known of a campaign's tests beside their frames: how each ended, its failure region, its conditions."""
+"""What is known of a campaign's tests beside their frames.
+
+These are how each ended, its failure region and its conditions.
+"""
 
 from __future__ import annotations
 
@@ -21,33 +24,34 @@ NOTHING: Tags = {"outcome": "", "cause": "", "region": ""}
 
 
 def tags_of_tests(frames: Path) -> dict[str, Tags]:
-    """The tags of each test of a frames.parquet: outcome (`failure`, `pass` or `error`), cause, region, and the scenario's variables.
+    """The tags of each test of a frames.parquet.
 
-    They come from tests.parquet beside it and from the study's regions; without these files there are none. An empty region: none.
+    These are outcome (`failure`, `pass` or `error`), cause, region, and the scenario's variables.
+
+    They come from tests.parquet beside it and from the study's regions; without these files there
+    are none. An empty region: none.
     """
     path = frames.with_name("tests.parquet")
     if not path.is_file():
         return {}
-    tests, known = read_tests(path), {column.name for column in TESTS}
+    tests = read_tests(path)
     regions = _regions(frames, tests)
-    variables = [str(name) for name in tests.columns if name not in known]
-    return {
-        str(row["test_id"]): {**_ended(row, regions), **{name: row[name] for name in variables}}
-        for _, row in tests.iterrows()
-    }
-
-
-def _ended(row: pd.Series, regions: Mapping[str, str]) -> dict[str, Value]:
-    outcome = "error" if row["status"] != "ok" else "failure" if row["failure"] else "pass"
-    return {
-        "outcome": outcome,
-        "cause": row["cause"] if outcome == "failure" else "",
-        "region": regions.get(row["test_id"], ""),
-    }
+    variables = tests.columns.difference([column.name for column in TESTS], sort=False)
+    tags: dict[str, Tags] = {}
+    for _, row in tests.iterrows():
+        outcome = "failure" if row["failure"] else "pass"
+        outcome = outcome if row["status"] == "ok" else "error"
+        tags[str(row["test_id"])] = {
+            "outcome": outcome,
+            "cause": row["cause"] if outcome == "failure" else "",
+            "region": regions.get(row["test_id"], ""),
+            **{str(name): row[name] for name in variables},
+        }
+    return tags
 
 
 def _regions(frames: Path, tests: pd.DataFrame) -> dict[str, str]:
-    """The region of each failure that is in one, from the study's folder that holds the campaign."""
+    """The region of each failure in one, from the study's folder that holds the campaign."""
     campaign = campaign_of(tests, frames)
     for folder in frames.absolute().parents:
         file = folder / "regions" / campaign.version / f"{campaign.scenario}.json"
@@ -61,7 +65,10 @@ def _regions(frames: Path, tests: pd.DataFrame) -> dict[str, str]:
 
 
 def splits_of(tests: Sequence[str]) -> dict[str, Split]:
-    """A tenth of the tests for validation, at least one of several; a test's frames stay together. Equal names give equal splits."""
+    """A tenth of the tests for validation, at least one of several; a test's frames stay together.
+
+    Equal names give equal splits.
+    """
     order = sorted(tests, key=lambda test: hashlib.sha256(test.encode()).hexdigest())
     count = max(1, round(VALIDATION * len(order))) if len(order) > 1 else 0
     return {test: "val" if place < count else "train" for place, test in enumerate(order)}

@@ -6,7 +6,11 @@ from pipeline.artefacts.results import Result
 
 
 class CoveredPoint(Result):
-    """A point, and the k-projection coverage of the points up to it. values: of each operating condition."""
+    """A point, and the k-projection coverage of the points up to it.
+
+    Attributes:
+        values: of each operating condition.
+    """
 
     name: str
     values: dict[str, str]
@@ -14,7 +18,12 @@ class CoveredPoint(Result):
 
 
 class Points(Result):
-    """points.json. existing: number of random points; proposals follow. required: number of cells that feasible points reach."""
+    """points.json.
+
+    Attributes:
+        existing: number of random points; proposals follow.
+        required: number of cells that feasible points reach.
+    """
 
     k: int
     existing: int
@@ -23,8 +32,11 @@ class Points(Result):
 
 
 class Judged(Result):
-    """The test snapshots of one point that a detector gets right: it finds the forward vehicle, or reports none if there is none,
-    without a false positive."""
+    """The test snapshots of one point that a detector gets right.
+
+    In these, it detects the forward vehicle, or reports none if there is none, without a false
+    positive.
+    """
 
     values: dict[str, str]
     right: tuple[bool, ...]

@@ -1,4 +1,7 @@
-"""The images of data sets: what a set itself says of each, and the conditions that a table gives it."""
+"""The images of data sets.
+
+Their conditions come from the set itself and from a table beside it.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,12 @@ OBJECTS = "objects"
 
 @dataclass(frozen=True)
 class Images:
-    """table: the conditions of each image, in the order of `names`. unused: rows of the metadata that belong to no image."""
+    """The images of a data set and their conditions.
+
+    Attributes:
+        table: the conditions of each image, in the order of `names`.
+        unused: rows of the metadata that belong to no image.
+    """
 
     table: Table
     names: tuple[str, ...]
@@ -50,33 +58,41 @@ class Images:
 
 
 def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
-    """The conditions of each image of a data set: COCO, YOLO, BDD100K, KITTI, nuScenes, or tags of OpenLABEL.
+    """The conditions of each image of a data set.
 
-    Conditions come from `metadata`, a table with a column `file_name`, and from the set itself where the table has no such column. Raises
-    InputError that names the file and the image.
+    Its format is COCO, YOLO, BDD100K, KITTI, nuScenes, or tags of OpenLABEL.
+
+    Conditions come from `metadata`, a table with a column `file_name`, and from the set itself
+    where the table has no such column.
+
+    Raises:
+        InputError: naming the file and the image.
     """
-    own = _data_set(path, space)
+    images = _data_set(path, space)
     columns = {
-        name: pa.chunked_array([_column(own.conditions[name])])
+        name: pa.chunked_array([_column(images.conditions[name])])
         for name in space.names
-        if name in own.conditions
+        if name in images.conditions
     }
     if metadata is None:
-        if missing := [name for name in space.names if name not in own.conditions]:
+        if missing := [name for name in space.names if name not in images.conditions]:
             raise InputError(
-                f"{path}: the set itself has no {', '.join(missing)}; name a table of image conditions, with a column {KEY}, by --metadata"
+                f"{path}: the set itself has no {', '.join(missing)}; name a table of image "
+                f"conditions, with a column {KEY}, by --metadata"
             )
-        return Images(Table(tuple(own.conditions), columns, len(own.names)), own.names, 0)
+        return Images(Table(tuple(images.conditions), columns, len(images.names)), images.names, 0)
     table = read_table(metadata, [KEY, *(name for name in space.names if name != KEY)])
     if KEY not in table.columns:
         raise InputError(f"{metadata}: expected a column {KEY}, got {', '.join(table.header)}")
-    found = _rows(path, own.names, table, metadata)
-    rows = pa.array([same[0] for same in found], pa.int64())
+    matched = _rows(path, images.names, table, metadata)
+    rows = pa.array([same[0] for same in matched], pa.int64())
     columns |= {
         name: column.take(rows) for name, column in table.columns.items() if name in space.names
     }
-    unused = table.rows - len({row for same in found for row in same})
-    return Images(Table((*table.header, *own.conditions), columns, len(rows)), own.names, unused)
+    unused = table.rows - len({row for same in matched for row in same})
+    return Images(
+        Table((*table.header, *images.conditions), columns, len(rows)), images.names, unused
+    )
 
 
 def _data_set(path: Path, space: Space) -> DataSet:
@@ -84,37 +100,30 @@ def _data_set(path: Path, space: Space) -> DataSet:
         plain = read_json(path)
         if is_openlabel(plain):
             return openlabel([(path, plain)], space.variables)
-        return bdd100k(path, plain) if is_bdd100k(plain) else _counted(_coco(path, plain))
+        return bdd100k(path, plain) if is_bdd100k(plain) else _coco(path, plain)
     if is_nuscenes(path):
         return nuscenes(path, space.variables)
     if folder := label_folder(path):
         return kitti(folder)
     files = sorted(path.glob("*.json"))
-    if files and not [
-        file
-        for file in path.iterdir()
-        if file.suffix.lower() in (*IMAGES, ".txt") or file.name in PAIR
-    ]:
+    suffixes = {file.suffix.lower() for file in path.iterdir()}
+    flat = suffixes.isdisjoint((*IMAGES, ".txt")) and not any(
+        (path / name).exists() for name in PAIR
+    )
+    if files and flat:
         return openlabel([(file, read_json(file)) for file in files], space.variables)
-    return _counted(_yolo(path))
-
-
-def _counted(counts: dict[str, int]) -> DataSet:
-    return DataSet(tuple(counts), {OBJECTS: list(counts.values())})
+    return _yolo(path)
 
 
 def _column(values: Sequence[Any]) -> Any:
     """Whole numbers as such, all else as texts."""
-    whole = all(isinstance(value, int) for value in values)
-    return (
-        pa.array(values, pa.int64())
-        if whole
-        else pa.array([None if value is None else str(value) for value in values], pa.string())
-    )
+    if all(isinstance(value, int) for value in values):
+        return pa.array(values, pa.int64())
+    return pa.array([None if value is None else str(value) for value in values], pa.string())
 
 
-def _coco(path: Path, plain: Any) -> dict[str, int]:
-    """Number of annotations of each image by file name."""
+def _coco(path: Path, plain: Any) -> DataSet:
+    """The images by file name, with the number of annotations of each."""
     names: dict[Any, str] = {}
     counts: dict[str, int] = {}
     try:
@@ -130,18 +139,22 @@ def _coco(path: Path, plain: Any) -> dict[str, int]:
         for i, annotation in enumerate(plain["annotations"]):
             if annotation["image_id"] not in names:
                 raise InputError(
-                    f"{path}: annotations[{i}]: expected the id of an image, got {annotation['image_id']!r}"
+                    f"{path}: annotations[{i}]: expected the id of an image, got "
+                    f"{annotation['image_id']!r}"
                 )
             counts[names[annotation["image_id"]]] += 1
     except (KeyError, TypeError) as error:
         raise InputError(
             f"{path}: expected COCO's images and annotations, got {error!r}"
         ) from error
-    return counts
+    return DataSet(tuple(counts), {OBJECTS: list(counts.values())})
 
 
-def _yolo(path: Path) -> dict[str, int]:
-    """Number of labelled objects of each image by path without suffix; an image without a label file has none."""
+def _yolo(path: Path) -> DataSet:
+    """The images by path without suffix, with the number of labelled objects of each.
+
+    An image without a label file has none.
+    """
     base, folders = _both_folders(path)
     files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
     images = _apart(base, "images", [file for file in files if file.suffix.lower() in IMAGES])
@@ -154,15 +167,19 @@ def _yolo(path: Path) -> dict[str, int]:
     for image in images:
         if (other := named.setdefault(_bare(image.relative_to(base)), image)) != image:
             raise InputError(
-                f"{path}: {other.name} and {image.name} share one label file, expected one image for each"
+                f"{path}: {other.name} and {image.name} share one label file, expected one image "
+                "for each"
             )
-    return dict.fromkeys(named, 0) | {
-        _bare(label.relative_to(base)): _objects(label) for label in labels
-    }
+    counts = dict.fromkeys(named, 0)
+    counts |= {_bare(label.relative_to(base)): _objects(label) for label in labels}
+    return DataSet(tuple(counts), {OBJECTS: list(counts.values())})
 
 
 def _both_folders(path: Path) -> tuple[Path, list[Path]]:
-    """The folder of a data set, and where its images and labels are: in a folder inside `images`, the labels are inside `labels`."""
+    """The folder of a data set, and where its images and labels are.
+
+    If the folder is inside `images`, its labels are inside `labels`.
+    """
     parts = path.resolve().parts
     for place in reversed(range(len(parts))):
         if parts[place] in PAIR:
@@ -177,11 +194,14 @@ def _apart(base: Path, name: str, files: list[Path]) -> list[Path]:
 
 
 def _bare(path: str | PurePath) -> str:
-    """A path inside a data set as its image and its labels share it: without suffix, `images` and `labels`."""
+    """A path inside a data set as its image and its labels share it.
+
+    It has no suffix and neither `images` nor `labels`.
+    """
     inside = PurePath(*(part for part in PurePath(path).parts if part not in PAIR))
-    return (
-        inside.with_suffix("") if inside.suffix.lower() in (*IMAGES, ".txt") else inside
-    ).as_posix()
+    if inside.suffix.lower() in (*IMAGES, ".txt"):
+        inside = inside.with_suffix("")
+    return inside.as_posix()
 
 
 def _stem(path: str) -> str:
@@ -189,49 +209,56 @@ def _stem(path: str) -> str:
 
 
 def _objects(label: Path) -> int:
-    """Number of objects in a label file; InputError for a line that is not a class and at least four numbers."""
+    """Number of objects in a label file.
+
+    Raises:
+        InputError: for a line that is not a class and at least four numbers.
+    """
     count = 0
     for number, line in enumerate(label.read_text(errors="replace").splitlines(), 1):
         if not (fields := line.split()):
             continue
-        if len(fields) < 5 or not all(map(_is_number, fields)):
+        try:
+            numbers = list(map(float, fields))
+        except ValueError:
+            numbers = []
+        if len(numbers) < 5:
             raise InputError(
-                f"{label}: line {number}: expected a class and at least four numbers, got {line[:80]!r}"
+                f"{label}: line {number}: expected a class and at least four numbers, got "
+                f"{line[:80]!r}"
             )
         count += 1
     return count
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
 def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> list[list[int]]:
-    """The rows of each image, which agree: by its path, else without suffix, else by its name alone if no other image or row has it."""
+    """The rows of each image, which agree.
+
+    A row belongs to an image by its path, else without suffix, else by its name alone if no other
+    image or row has it.
+    """
     keys = table.columns[KEY].cast(pa.string()).to_pylist()
     if None in keys:
         raise InputError(
-            f"{metadata}: row {keys.index(None) + 1}: {KEY} must be the name of an image, got nothing"
+            f"{metadata}: row {keys.index(None) + 1}: {KEY} must be the name of an image, got "
+            "nothing"
         )
     written, bare, alone = _by(str, keys), _by(_bare, keys), _by(_stem, keys)
     stems = Counter(map(_stem, images))
     rows = []
     for image in images:
-        found = written.get(image) or bare.get(_bare(image)) or alone.get(_stem(image), [])
-        several = len({_bare(keys[row]) for row in found}) > 1 or (
-            bool(found) and _bare(image) not in bare and stems[_stem(image)] > 1
+        matched = written.get(image) or bare.get(_bare(image)) or alone.get(_stem(image), [])
+        several = len({_bare(keys[row]) for row in matched}) > 1 or (
+            bool(matched) and _bare(image) not in bare and stems[_stem(image)] > 1
         )
-        if not found or several:
+        if not matched or several:
             why = f", and several images are called {_stem(image)}" if several else ""
             raise InputError(
-                f"{metadata}: expected a row for every image of {path}, there is none for {image}{why}"
+                f"{metadata}: expected a row for every image of {path}, there is none for "
+                f"{image}{why}"
             )
-        _check_agreement(found, image, table, metadata)
-        rows.append(found)
+        _check_agreement(matched, image, table, metadata)
+        rows.append(matched)
     return rows
 
 
@@ -247,5 +274,6 @@ def _check_agreement(rows: list[int], image: str, table: Table, metadata: Path) 
     for name, column in table.columns.items():
         if name != KEY and len(rows) > 1 and len({column[row].as_py() for row in rows}) > 1:
             raise InputError(
-                f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in {name}"
+                f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in "
+                f"{name}"
             )

@@ -1,4 +1,6 @@
-"""A lock that one process holds at a time, on this machine or, on a shared disk that has locks, on any."""
+"""A lock that one process holds at a time, on this machine or, on a shared disk that has locks, on
+any.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,13 @@ from pathlib import Path
 
 @contextmanager
 def held(path: Path, wait: Callable[[], None]) -> Iterator[bool]:
-    """Hold the lock of a file; gives whether another process held it before. It ends with its process, however that ends.
+    """Hold the lock of a file; gives whether another process held it before.
 
-    wait: called once before waiting. A disk without locks does not lock. The file is removed afterwards.
+    It ends with its process, however that ends.
+
+    Args:
+        wait: called once before waiting. A disk without locks does not lock. The file is removed
+            afterwards.
     """
     file, waited = _opened(path), False
     try:
@@ -39,7 +45,10 @@ def _opened(path: Path) -> int:
 
 
 def locked(file: int, block: bool) -> bool:
-    """Lock an open file; false if another process holds its lock and `block` is false. A disk without locks does not lock."""
+    """Lock an open file; false if another process holds its lock and `block` is false.
+
+    A disk without locks does not lock.
+    """
     try:
         fcntl.flock(file, fcntl.LOCK_EX | (0 if block else fcntl.LOCK_NB))
     except BlockingIOError:

@@ -1,7 +1,9 @@
-"""Labels of KITTI's object benchmark (https://www.cvlibs.net/datasets/kitti): a text file an image, a line an object.
+"""Labels of KITTI's object benchmark (https://www.cvlibs.net/datasets/kitti).
 
-A line has a type, truncation (0 to 1), occlusion (0 visible, 1 partly, 2 largely occluded, 3 unknown), an angle, a box, three sizes, a
-position and a rotation, and in results a score.
+Each image has a text file, each object a line.
+
+A line has a type, truncation (0 to 1), occlusion (0 visible, 1 partly, 2 largely occluded, 3
+unknown), an angle, a box, three sizes, a position and a rotation, and in results a score.
 """
 
 from __future__ import annotations
@@ -22,7 +24,10 @@ SAMPLED = 50
 
 
 def label_folder(path: Path) -> Path | None:
-    """The folder of KITTI's labels: this one or the `label_2` in it; None if there are other files."""
+    """The folder of KITTI's labels.
+
+    It is this one or the `label_2` in it; None if there are other files.
+    """
     folder = path / LABELS if (path / LABELS).is_dir() else path
     for file in islice(sorted(folder.glob("*.txt")), SAMPLED):
         for fields in filter(None, map(str.split, file.read_text(errors="replace").splitlines())):
@@ -33,27 +38,28 @@ def label_folder(path: Path) -> Path | None:
 def kitti(folder: Path) -> DataSet:
     """Images by the names of their label files.
 
-    Conditions: `objects`, their number without DontCare; `truncation` and `occlusion`, the largest of any object, `not_applicable` without
-    objects. Raises InputError that names the file and the line.
+    Conditions: `objects`, their number without DontCare; `truncation` and `occlusion`, the largest
+    of any object, `not_applicable` without objects.
+
+    Raises:
+        InputError: naming the file and the line.
     """
-    return DataSet.of(folder, [(file.stem, _said(file)) for file in sorted(folder.glob("*.txt"))])
+    files = sorted(folder.glob("*.txt"))
+    return DataSet.of(folder, [(file.stem, _conditions(file)) for file in files])
 
 
-def _said(file: Path) -> dict[str, Any]:
-    objects = [
-        _object(file, number, line)
-        for number, line in enumerate(file.read_text(errors="replace").splitlines(), 1)
-        if line.strip()
-    ]
-    known = [both for both in objects if both is not None]
-    if not known:
+def _conditions(file: Path) -> dict[str, Any]:
+    lines = enumerate(file.read_text(errors="replace").splitlines(), 1)
+    every = [_object(file, number, line) for number, line in lines if line.strip()]
+    objects = [both for both in every if both is not None]
+    if not objects:
         return {"objects": 0, "truncation": NOT_APPLICABLE, "occlusion": NOT_APPLICABLE}
-    levels = {level for _, level in known}
+    levels = {level for _, level in objects}
     unsure = UNKNOWN in levels and OCCLUSIONS[-1] not in levels
     largest = None if unsure else max(level for level in levels if level != UNKNOWN)
     return {
-        "objects": len(known),
-        "truncation": repr(max(truncation for truncation, _ in known)),
+        "objects": len(objects),
+        "truncation": repr(max(truncation for truncation, _ in objects)),
         "occlusion": largest,
     }
 
@@ -73,6 +79,7 @@ def _object(file: Path, number: int, line: str) -> tuple[float, str] | None:
         truncation = -1.0
     if not 0 <= truncation <= 1 or fields[2] not in (*OCCLUSIONS, UNKNOWN):
         raise InputError(
-            f"{file}: line {number}: expected a truncation from 0 to 1 and an occlusion from 0 to 3, got {fields[1]} and {fields[2]}"
+            f"{file}: line {number}: expected a truncation from 0 to 1 and an occlusion from 0 to "
+            f"3, got {fields[1]} and {fields[2]}"
         )
     return truncation, fields[2]

@@ -1,4 +1,4 @@
-"""rate.json: the failure rate that an estimator's campaign gave, bound to the campaign's identity."""
+"""rate.json: the failure rate of an estimator's campaign, with the campaign's identity."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ def write_rate(path: Path, identity: str, rate: Rate) -> None:
 
 
 def read_rate(path: Path, identity: str) -> Rate | None:
-    """The rate of a finished campaign; None if there is none of this identity. InputError if the file is damaged."""
+    """The rate of a finished campaign; None if there is none of this identity.
+
+    InputError if the file is damaged.
+    """
     if not path.exists() or (plain := read_json(path)).pop("identity", None) != identity:
         return None
     try:

@@ -1,4 +1,7 @@
-"""model.json, the card of a model version: its origin, training data and detection quality; curve.csv, its training curve."""
+"""model.json, the card of a model version.
+
+It has the origin, training data and detection quality; curve.csv is the training curve.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,10 @@ class Frequencies(Result):
 
     @property
     def uniform(self) -> bool:
-        """Whether all people and poses are equally frequent; otherwise the base set is long-tailed."""
+        """Whether all people and poses are equally frequent.
+
+        Otherwise the base set is long-tailed.
+        """
         return self.children == self.crouching == 1
 
     def figures(self) -> dict[str, float]:
@@ -45,12 +51,17 @@ class Frequencies(Result):
 class ModelCard(BaseModel):
     """One model version.
 
-    data: name to digest of its training data. training: settings and figures of its training; for a base also `rare_children` and
-    `rare_crouching`, how often its base set shows them. metrics: on the validation images of the base set: precision, recall, ap50,
-    ap50_95, false_positives_an_image, all for visible pedestrians. calibration: slope and offset of the scores' logits, fitted on the same
-    images. reliability: diagrams of the scores on these images, `uncalibrated` and `calibrated`: rows of mean score, share of correct
-    detections, number. towns, people: fingerprints of all towns and populations that it or its ancestors were trained on; none may be held
-    out.
+    Attributes:
+        data: name to digest of its training data.
+        training: settings and figures of its training; for a base also `rare_children` and
+            `rare_crouching`, how often its base set shows them.
+        metrics: on the validation images of the base set: precision, recall, ap50, ap50_95,
+            false_positives_an_image, all for visible pedestrians.
+        calibration: slope and offset of the scores' logits, fitted on the same images.
+        reliability: diagrams of the scores on these images, `uncalibrated` and `calibrated`: rows
+            of mean score, share of correct detections, number.
+        towns, people: fingerprints of all towns and populations that it or its ancestors were
+            trained on; none may be held out.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -72,7 +83,10 @@ class ModelCard(BaseModel):
 
     @property
     def frequencies(self) -> Frequencies | None:
-        """The people and poses of the base set that it was trained on; None if the card does not say."""
+        """The people and poses of the base set that it was trained on.
+
+        It is None if the card does not say.
+        """
         return Frequencies.of(self.training)
 
     @property
@@ -83,7 +97,12 @@ class ModelCard(BaseModel):
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """One line of a training curve. losses: means since the line before; ap50: of the averaged weights on validation images."""
+    """One line of a training curve.
+
+    Attributes:
+        loss_scores, loss_boxes: means since the line before.
+        ap50: of the averaged weights on validation images.
+    """
 
     iteration: int
     learning_rate: float
@@ -106,8 +125,7 @@ def read_curve(path: Path) -> list[CurvePoint]:
     try:
         table = pd.read_csv(io.BytesIO(read_bytes(path)))[list(CURVE)]
         return [
-            CurvePoint(int(row[0]), *(float(value) for value in row[1:]))
-            for row in table.itertuples(index=False)
+            CurvePoint(int(row[0]), *map(float, row[1:])) for row in table.itertuples(index=False)
         ]
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(

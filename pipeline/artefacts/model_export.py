@@ -15,7 +15,7 @@ from pipeline.artefacts.pict_export import pict_text
 from pipeline.artefacts.pict_model import pict_space
 from pipeline.artefacts.statements import category_names
 from pipeline.core.constraints import Clause
-from pipeline.core.expressions import Not, OneOf, Some, clauses_of
+from pipeline.core.expressions import Expression, Not, OneOf, Some, clauses_of
 from pipeline.core.names import nearest
 from pipeline.core.sequences import SequenceSpace
 from pipeline.core.space import Space, Variable
@@ -25,19 +25,27 @@ SUFFIXES = {".txt": "pict", ".xml": "acts-xml", ".yaml": "space", ".yml": "space
 
 
 def format_of(path: Path, given: str | None) -> str:
-    """The format to write: the given one, or that of the file's suffix; InputError if neither says."""
-    found = given or SUFFIXES.get(path.suffix.lower())
-    if found is None:
+    """The format to write: the given one, or that of the file's suffix.
+
+    Raises:
+        InputError: if neither says.
+    """
+    kind = given or SUFFIXES.get(path.suffix.lower())
+    if kind is None:
         raise InputError(
-            f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, or --format{nearest(path.suffix, SUFFIXES)}"
+            f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, or "
+            f"--format{nearest(path.suffix, SUFFIXES)}"
         )
-    return found
+    return kind
 
 
 def write_model(path: Path, space: Space, kind: str) -> list[str]:
     """Write a space; returns what the format cannot say and so is left out.
 
-    Before writing, the text is read back. Raises InputError that names the variable that the format cannot write.
+    Before writing, the text is read back.
+
+    Raises:
+        InputError: naming the variable that the format cannot write.
     """
     writers: Mapping[str, tuple[Callable[[Space], str], Callable[[str, str], Space] | None]] = {
         "pict": (pict_text, pict_space),
@@ -57,7 +65,8 @@ def _check(path: Path, kind: str, space: Space, back: Space) -> None:
     for variable, again in zip(space.variables, back.variables, strict=False):
         if (variable.name, category_names(variable)) != (again.name, again.values):
             raise InputError(
-                f"{path}: {variable.name}: {kind} cannot write this name or its values {', '.join(variable.labels)}"
+                f"{path}: {variable.name}: {kind} cannot write this name or its values "
+                f"{', '.join(variable.labels)}"
             )
     if len(space) != len(back) or _meaning(space) != _meaning(back):
         raise InputError(
@@ -67,28 +76,23 @@ def _check(path: Path, kind: str, space: Space, back: Space) -> None:
 
 def _meaning(space: Space) -> frozenset[Clause]:
     """The clauses without repeated ones, repeated literals and clauses that always hold."""
-    found: set[Clause] = set()
+    clauses: set[Clause] = set()
     for clause in space.constraints.clauses:
-        ones = [
-            (literal, OneOf((literal.variable,), frozenset({(literal.category,)})))
-            for literal in clause
-        ]
-        found.update(
-            clauses_of(
-                Some(tuple(one if literal.equal else Not(one) for literal, one in ones)),
-                space.sizes,
-            )
-        )
-    return frozenset(found)
+        parts: list[Expression] = []
+        for literal in clause:
+            equal = OneOf((literal.variable,), frozenset({(literal.category,)}))
+            parts.append(equal if literal.equal else Not(equal))
+        clauses.update(clauses_of(Some(tuple(parts)), space.sizes))
+    return frozenset(clauses)
 
 
 def _left_out(space: Space, kind: str) -> list[str]:
-    """Weights that the format lacks, what tells numbers from names, and what makes points of frames."""
-    missing = (
-        [f"the frames and the rules of {', '.join(space.rules)}"]
-        if isinstance(space, SequenceSpace)
-        else []
-    )
+    """Weights that the format lacks, what tells numbers from names, and what makes points of
+    frames.
+    """
+    missing = []
+    if isinstance(space, SequenceSpace):
+        missing.append(f"the frames and the rules of {', '.join(space.rules)}")
     for variable in space.variables:
         weights = variable.weights or (1,)
         if kind.startswith("acts") and set(weights) != {1}:
@@ -97,7 +101,8 @@ def _left_out(space: Space, kind: str) -> list[str]:
             missing.append(f"the weights of 0 of {variable.name}")
         if kind != "space" and variable.kind != "categorical":
             missing.append(
-                f"that {variable.name} is a number; its parts become names such as {category_names(variable)[0]}"
+                f"that {variable.name} is a number; its parts become names such as "
+                f"{category_names(variable)[0]}"
             )
     if kind != "space":
         missing += [f"the named planes {named.name}" for named in space.extras.planes]
@@ -113,32 +118,21 @@ def _space_file(space: Space) -> str:
         plain["constraints"] = [
             clause if isinstance(clause, str) else list(clause) for clause in space.clauses
         ]
-    plain |= _extras(space)
+    for named in space.extras.planes:
+        conditions = [space.names[variable] for variable in named.variables]
+        plane = {"conditions": conditions, "strength": named.strength}
+        plain.setdefault("planes", {})[named.name] = plane
+    for combination in space.extras.combinations:
+        categories: dict[str, str] = {}
+        for index, category in zip(combination.variables, combination.categories, strict=True):
+            categories[space.names[index]] = space.variables[index].labels[category]
+        entry = {"of": categories, "weight": combination.weight}
+        plain.setdefault("combinations", []).append(entry)
     return str(
         yaml.safe_dump(
             plain, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140
         )
     )
-
-
-def _extras(space: Space) -> dict[str, Any]:
-    """The keys `planes` and `combinations` of a space file."""
-    named = {
-        one.name: {"conditions": [space.names[v] for v in one.variables], "strength": one.strength}
-        for one in space.extras.planes
-    }
-    labels = [variable.labels for variable in space.variables]
-    single = [
-        {
-            "of": {
-                space.names[v]: labels[v][c]
-                for v, c in zip(one.variables, one.categories, strict=True)
-            },
-            "weight": one.weight,
-        }
-        for one in space.extras.combinations
-    ]
-    return {**({"planes": named} if named else {}), **({"combinations": single} if single else {})}
 
 
 def _body(variable: Variable) -> dict[str, Any]:
@@ -149,17 +143,15 @@ def _body(variable: Variable) -> dict[str, Any]:
             "interval": [_number(variable.low), _number(variable.high)],
             "cuts": [_number(cut) for cut in variable.cuts or ()],
         }
-        body |= {"cyclic": True} if variable.cyclic else {}
-    weights = {
-        label: weight
-        for label, weight in zip(variable.labels, variable.weights, strict=False)
-        if weight != 1
-    }
-    return {
-        **body,
-        **({"unit": variable.unit} if variable.unit else {}),
-        **({"weights": weights} if weights else {}),
-    }
+        if variable.cyclic:
+            body["cyclic"] = True
+    if variable.unit:
+        body["unit"] = variable.unit
+    weighted = zip(variable.labels, variable.weights, strict=False)
+    weights = {label: weight for label, weight in weighted if weight != 1}
+    if weights:
+        body["weights"] = weights
+    return body
 
 
 def _number(number: float) -> float | int:

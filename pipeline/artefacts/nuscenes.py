@@ -1,4 +1,7 @@
-"""Tables of nuScenes (https://www.nuscenes.org/nuscenes): samples with the location, vehicle and date of their log."""
+"""Tables of nuScenes (https://www.nuscenes.org/nuscenes).
+
+They give samples with the location, vehicle and date of their log.
+"""
 
 from __future__ import annotations
 
@@ -26,18 +29,26 @@ def is_nuscenes(folder: Path) -> bool:
 def nuscenes(folder: Path, variables: Sequence[Variable]) -> DataSet:
     """Samples by their tokens.
 
-    Conditions: `location`, `vehicle` and `date_captured` of the log; `scene`, its name; `objects`, the number of annotations, if a variable
-    asks for it. A variable with the values true and false is true where a word of the scene's description begins with its name, such as
-    rain or night. Raises InputError that names the table and the row.
+    Conditions: `location`, `vehicle` and `date_captured` of the log; `scene`, its name; `objects`,
+    the number of annotations, if a variable asks for it. A variable with the values true and false
+    is true where a word of the scene's description begins with its name, such as rain or night.
+
+    Raises:
+        InputError: naming the table and the row.
     """
     logs, scenes = (_by_token(folder / f"{name}.json") for name in ("log", "scene"))
-    said = {token: _scene(folder, row, logs, variables) for token, row in scenes.items()}
-    rows, wanted = [], any(variable.name == "objects" for variable in variables)
-    objects = _annotations(folder) if wanted else Counter[str]()
-    for token, row in _by_token(folder / "sample.json").items():
-        scene = _referred(folder / "sample.json", row, "scene_token", scenes, "scene.json")
-        rows.append((token, {**said[scene], **({"objects": objects[token]} if wanted else {})}))
-    return DataSet.of(folder / "sample.json", rows)
+    of_scene = {token: _scene(folder, row, logs, variables) for token, row in scenes.items()}
+    samples = folder / "sample.json"
+    points: dict[str, dict[str, Any]] = {}
+    for token, row in _by_token(samples).items():
+        points[token] = dict(of_scene[_referred(samples, row, "scene_token", scenes, "scene.json")])
+    if any(variable.name == "objects" for variable in variables):
+        path, objects = folder / "sample_annotation.json", Counter[str]()
+        for index, row in enumerate(_table(path)):
+            objects[member(path, row, "sample_token", str, f"[{index}]")] += 1
+        for token, conditions in points.items():
+            conditions["objects"] = objects[token]
+    return DataSet.of(samples, list(points.items()))
 
 
 def _scene(
@@ -46,26 +57,15 @@ def _scene(
     path, where = folder / "scene.json", f"scene {row['token']}"
     log = logs[_referred(path, row, "log_token", logs, "log.json")]
     description = member(path, row, "description", str, where).lower()
-    words = {
-        variable.name: str(
-            bool(re.search(rf"\b{re.escape(variable.name.lower().replace('_', ' '))}", description))
-        ).lower()
-        for variable in variables
-        if set(variable.values) == TRUTH
-    }
-    of_log = {
-        key: member(folder / "log.json", log, key, str, f"log {log['token']}") for key in FROM_LOG
-    }
-    return {**words, **of_log, "scene": member(path, row, "name", str, where)}
-
-
-def _annotations(folder: Path) -> Counter[str]:
-    """Number of annotations of each sample."""
-    path = folder / "sample_annotation.json"
-    return Counter(
-        member(path, row, "sample_token", str, f"[{index}]")
-        for index, row in enumerate(_table(path))
-    )
+    conditions: dict[str, Any] = {}
+    for variable in variables:
+        if set(variable.values) == TRUTH:
+            word = re.escape(variable.name.lower().replace("_", " "))
+            conditions[variable.name] = str(bool(re.search(rf"\b{word}", description))).lower()
+    for key in FROM_LOG:
+        conditions[key] = member(folder / "log.json", log, key, str, f"log {log['token']}")
+    conditions["scene"] = member(path, row, "name", str, where)
+    return conditions
 
 
 def _table(path: Path) -> list[Any]:
@@ -76,19 +76,19 @@ def _table(path: Path) -> list[Any]:
 
 
 def _by_token(path: Path) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    rows: dict[str, Any] = {}
     for index, row in enumerate(_table(path)):
         token = member(path, row, "token", str, f"[{index}]")
-        if token in found:
+        if token in rows:
             raise InputError(f"{path}: the token {token} appears twice")
-        found[token] = row
-    return found
+        rows[token] = row
+    return rows
 
 
 def _referred(
-    path: Path, row: Mapping[str, Any], key: str, known: Mapping[str, Any], table: str
+    path: Path, row: Mapping[str, Any], key: str, rows: Mapping[str, Any], table: str
 ) -> str:
     token = str(member(path, row, key, str, str(row["token"])))
-    if token not in known:
+    if token not in rows:
         raise InputError(f"{path}: {row['token']}.{key}: expected a token of {table}, got {token}")
     return token

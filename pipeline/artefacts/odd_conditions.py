@@ -1,4 +1,7 @@
-"""Which categories an expression of an OpenODD condition means: literals, ordered literals, bounds of numbers."""
+"""Which categories an expression of an OpenODD condition means.
+
+An expression is a literal, a comparison with an ordered literal, or bounds of a number.
+"""
 
 from __future__ import annotations
 
@@ -15,24 +18,28 @@ from pipeline.errors import shown
 def categories_meant(concept: Concept, counted: Concept, variable: Variable, text: Any) -> set[int]:
     """Indices of the categories that one expression on a concept means.
 
-    counted: the concept that the variable counts: the same, or the one whose literals are ranges of the concept. Raises ValueError for an
-    expression that means no whole categories.
+    Args:
+        counted: the concept that the variable counts: the same, or the one whose literals are
+            ranges of the concept.
+
+    Raises:
+        ValueError: for an expression that means no whole categories.
     """
     if not isinstance(text, str):
         raise ValueError(f"expected an expression, got {shown(text)}")
     if not concept.is_number:
         return _literals(concept, variable, text)
-    own = bounds(text)
+    limits = bounds(text)
     if variable.kind == "categorical":
-        inside = literals_within(counted, own, concept.unit_type)
-        if own.low == own.high and not inside:
+        inside = literals_within(counted, limits, concept.unit_type)
+        if limits.low == limits.high and not inside:
             raise ValueError(
                 f"{text} is a single number, which is no literal of {variable.name}; use a range"
             )
         return set(inside)
-    own = in_unit(own, variable.unit, concept.unit_type)
-    ends = ends_of(concept, own)
-    low, high = (ends[0] if own.low > -inf else -inf), (ends[-1] if own.high < inf else inf)
+    limits = in_unit(limits, variable.unit, concept.unit_type)
+    ends = ends_of(concept, limits)
+    low, high = (ends[0] if limits.low > -inf else -inf), (ends[-1] if limits.high < inf else inf)
     if low == high:
         raise ValueError(f"{text} is a single number, which is not a category; use a range")
     starts = [variable.low, *(variable.cuts or ())]
@@ -47,8 +54,11 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
     }
 
 
-def ends_of(concept: Concept, own: Bounds) -> list[float]:
-    """Where categories begin and end so that bounds hold for whole ones: for whole numbers, at the first inside and the first after it."""
+def ends_of(concept: Concept, limits: Bounds) -> list[float]:
+    """Where categories begin and end so that bounds hold for whole ones.
+
+    For whole numbers, these are the first one inside and the first one after it.
+    """
 
     def first(number: float, after: bool) -> float:
         if not concept.whole or abs(number) == inf:
@@ -56,7 +66,9 @@ def ends_of(concept: Concept, own: Bounds) -> list[float]:
         return float(floor(number) + 1 if after else ceil(number))
 
     return [
-        end for end in (first(own.low, own.above), first(own.high, not own.below)) if abs(end) < inf
+        end
+        for end in (first(limits.low, limits.above), first(limits.high, not limits.below))
+        if abs(end) < inf
     ]
 
 
@@ -69,11 +81,9 @@ def _literals(concept: Concept, variable: Variable, text: str) -> set[int]:
         if literal in concept.literals:
             place, last = concept.literals.index(literal), len(concept.literals)
             including = 1 if text[1:2] == "=" else 0
-            return (
-                set(range(place + including))
-                if sign == "<"
-                else set(range(place + 1 - including, last))
-            )
+            if sign == "<":
+                return set(range(place + including))
+            return set(range(place + 1 - including, last))
     raise ValueError(
         f"{text!r} is not a literal of {variable.name}{nearest(text, variable.values)}"
     )

@@ -1,7 +1,9 @@
-"""OpenODD files (ASAM OpenODD 1.0 in YAML), such as a taxonomy of ISO 34503 and the modules of an ODD, as spaces.
+"""OpenODD files (ASAM OpenODD 1.0 in YAML), such as a taxonomy of ISO 34503 and the modules of an
+ODD, as spaces.
 
-Beside the standard's IMPORT, TAXONOMY, MODULES and ODD, a file may have COVERAGE with what coverage needs to know and OpenODD does not say:
-CONCEPTS to count, CUTS of numbers, what is OPTIONAL and what APPLIES_IF something else holds.
+Beside the standard's IMPORT, TAXONOMY, MODULES and ODD, a file may have COVERAGE with what coverage
+needs to know and OpenODD does not say: CONCEPTS to count, CUTS of numbers, what is OPTIONAL and
+what APPLIES_IF something else holds.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ BEGINS = re.compile(rb"^(%s)[ \t]*:" % "|".join(KEYS).encode(), re.MULTILINE)
 def read_odd_file(path: Path) -> Space:
     """Read an OpenODD file and what it imports.
 
-    Raises InputError that names the file and the place: for what is wrong, and for what a space cannot say.
+    Raises:
+        InputError: naming the file and the place: for what is wrong, and for what a space cannot
+            say.
     """
     parts: dict[str, dict[str, Any]] = {"TAXONOMY": {}, "MODULES": {}, "ODD": {}, "COVERAGE": {}}
     _read(path, parts, [])

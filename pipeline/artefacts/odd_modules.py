@@ -1,4 +1,7 @@
-"""The modules of an OpenODD file (ASAM OpenODD 1.0, sections 6.4 and 10.4): INCLUDE and EXCLUDE sections as expressions."""
+"""The modules of an OpenODD file (ASAM OpenODD 1.0, sections 6.4 and 10.4).
+
+Their INCLUDE and EXCLUDE sections become expressions.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +14,28 @@ from pipeline.core.names import nearest
 from pipeline.errors import shown
 
 SECTIONS = ("INCLUDE_AND", "INCLUDE_OR", "EXCLUDE_AND", "EXCLUDE_OR")
-TOLD = ("TITLE", "DESCRIPTION", "COMMENT", "METADATA", "TAGS", "TAG")
+FOR_PEOPLE = ("TITLE", "DESCRIPTION", "COMMENT", "METADATA", "TAGS", "TAG")
 """What a module says to people."""
-KEYS = (*SECTIONS, *TOLD, "ACTIVE", "LABEL", "LABELS")
+KEYS = (*SECTIONS, *FOR_PEOPLE, "ACTIVE", "LABEL", "LABELS")
 TRUTH = {"true": True, "false": False}
 
 Meaning = Callable[[str, str, Any, bool], Expression]
-"""From the place of a condition, its concept, its expression, and whether the ODD grows where the condition holds."""
+"""From the place of a condition, its concept, its expression, and whether the ODD grows where the
+condition holds."""
 
 
 class Modules:
-    """All modules by name; those under ODD are entry points, or, without ODD, all to which no other module refers."""
+    """All modules by name.
+
+    The entry points are those under ODD or, without ODD, all to which no other module refers.
+    """
 
     def __init__(self, odd: Mapping[str, Any], others: Mapping[str, Any]) -> None:
-        """Raises ValueError that names the module: for an unknown key, two sections of a kind, and none."""
+        """Check the modules.
+
+        Raises:
+            ValueError: naming a module with an unknown key, two sections of a kind, or none.
+        """
         self._all = {str(name): plain for name, plain in (*odd.items(), *others.items())}
         if len(self._all) < len(odd) + len(others):
             raise ValueError(
@@ -44,22 +55,28 @@ class Modules:
         roots = [name for name in self._candidates if name not in referred]
         if self._all and not roots:
             raise ValueError(
-                f"MODULES: another module refers to each of them; leave at least one that none refers to: {', '.join(self._candidates)}"
+                "MODULES: another module refers to each of them; leave at least one that none "
+                f"refers to: {', '.join(self._candidates)}"
             )
-        found = [(name, self._module(name, meaning, True, ())) for name in roots]
-        return [
-            Statement(_where(name), expression)
-            for name, expression in found
-            if expression is not None
-        ]
+        statements = []
+        for name in roots:
+            expression = self._module(name, meaning, True, ())
+            if expression is not None:
+                statements.append(Statement(_where(name), expression))
+        return statements
 
     def _module(
         self, name: str, meaning: Meaning, grows: bool, within: tuple[str, ...]
     ) -> Expression | None:
-        """INCLUDE and not EXCLUDE; None for a module that is not active. grows: whether the ODD grows where the module holds."""
+        """INCLUDE and not EXCLUDE; None for a module that is not active.
+
+        Args:
+            grows: whether the ODD grows where the module holds.
+        """
         if name in within:
             raise ValueError(
-                f"{_where(name)}: this module refers to itself, by {' → '.join((*within[within.index(name) :], name))}"
+                f"{_where(name)}: this module refers to itself, by "
+                f"{' → '.join((*within[within.index(name) :], name))}"
             )
         plain = self._all[name]
         if not _flag(f"{_where(name)}.ACTIVE", plain.get("ACTIVE", "true")):
@@ -90,7 +107,8 @@ class Modules:
     ) -> Expression | None:
         if not isinstance(plain, dict) or not plain:
             raise ValueError(
-                f"{where}: expected conditions such as 'wind_speed: \"< 40 km/h\"', got {shown(plain)}"
+                f"{where}: expected conditions such as 'wind_speed: \"< 40 km/h\"', got "
+                f"{shown(plain)}"
             )
         parts: list[Expression | None] = []
         for key, value in plain.items():
@@ -104,7 +122,9 @@ class Modules:
             elif key != "METADATA":
                 parts.append(meaning(place, str(key), value, grows))
         active = tuple(part for part in parts if part is not None)
-        return None if not active else Every(active) if operator == "AND" else Some(active)
+        if not active:
+            return None
+        return Every(active) if operator == "AND" else Some(active)
 
     def _reference(
         self,
@@ -120,7 +140,9 @@ class Modules:
         several = [key] if key in self._all else self._labels[key]
         parts = [self._module(name, meaning, grows is holds, within) for name in several]
         active = tuple(part for part in parts if part is not None)
-        return None if not active else Some(active) if holds else Not(Some(active))
+        if not active:
+            return None
+        return Some(active) if holds else Not(Some(active))
 
 
 def _where(name: str) -> str:
@@ -130,7 +152,8 @@ def _where(name: str) -> str:
 def _check(name: str, plain: Any) -> None:
     if not isinstance(plain, dict):
         raise ValueError(
-            f"{_where(name)}: expected INCLUDE_AND, INCLUDE_OR, EXCLUDE_AND or EXCLUDE_OR, got {shown(plain)}"
+            f"{_where(name)}: expected INCLUDE_AND, INCLUDE_OR, EXCLUDE_AND or EXCLUDE_OR, got "
+            f"{shown(plain)}"
         )
     for key in plain:
         if key not in KEYS:

@@ -1,4 +1,7 @@
-"""Numbers with units in OpenODD files, and the bounds that expressions such as "< 40 km/h" or "[2 .. 10] mm/h" set."""
+"""Numbers with units in OpenODD files, and the bounds that expressions on them set.
+
+Such expressions are "< 40 km/h" and "[2 .. 10] mm/h".
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,8 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "bandwidth": {"bps": (1, 0), "kbps": (1e3, 0), "Mbps": (1e6, 0), "Gbps": (1e9, 0)},
     "frequency": {"Hz": (1, 0), "kHz": (1000, 0)},
 }
-"""Scale and offset of each unit to the first of its type; a type that is not here has one unit a concept."""
+"""Scale and offset of each unit to the first of its type; a type that is not here has one unit a
+concept."""
 SIGNED = (
     "temperature",
     "angle",
@@ -51,7 +55,11 @@ DIGITS = 12
 
 @dataclass(frozen=True)
 class Bounds:
-    """The numbers from low to high, in a unit. below, above: whether the ends themselves are outside."""
+    """The numbers from low to high, in a unit.
+
+    Attributes:
+        below, above: whether the ends themselves are outside.
+    """
 
     low: float
     high: float
@@ -65,20 +73,16 @@ class Bounds:
         )
 
     def holds_all(self, other: Bounds) -> bool:
-        """Whether it contains the other, but perhaps for the other's ends: parts touch at their ends."""
-        return (
-            self.holds(other.low)
-            if other.low == other.high
-            else self.low <= other.low and other.high <= self.high
-        )
+        """Whether it contains the other, except perhaps the other's ends, where parts touch."""
+        if other.low == other.high:
+            return self.holds(other.low)
+        return self.low <= other.low and other.high <= self.high
 
     def holds_none(self, other: Bounds) -> bool:
         """Whether both share at most an end."""
-        return (
-            not self.holds(other.low)
-            if other.low == other.high
-            else other.high <= self.low or self.high <= other.low
-        )
+        if other.low == other.high:
+            return not self.holds(other.low)
+        return other.high <= self.low or self.high <= other.low
 
 
 def is_bounds(text: str) -> bool:
@@ -95,41 +99,34 @@ def bounds(text: str) -> Bounds:
             raise ValueError(f"expected the smaller number first, got {text!r}")
         return Bounds(low, high, match["unit"].strip())
     if match := BOUND.fullmatch(text):
-        number, unit, strict = (
-            float(match["number"]),
-            match["unit"].strip(),
-            len(match["sign"]) == 1,
-        )
-        below = match["sign"].startswith("<")
-        return (
-            Bounds(-inf, number, unit, below=strict)
-            if below
-            else Bounds(number, inf, unit, above=strict)
-        )
+        number, unit, sign = float(match["number"]), match["unit"].strip(), match["sign"]
+        if sign.startswith("<"):
+            return Bounds(-inf, number, unit, below=sign == "<")
+        return Bounds(number, inf, unit, above=sign == ">")
     if match := EQUAL.fullmatch(text):
         number = float(match["number"])
         return Bounds(number, number, match["unit"].strip())
     raise ValueError(f"expected a number with a unit, '< x', '> x' or '[x .. y]', got {text!r}")
 
 
-def in_unit(own: Bounds, unit: str, unit_type: str) -> Bounds:
+def in_unit(limits: Bounds, unit: str, unit_type: str) -> Bounds:
     """The same bounds in another unit; ValueError for a unit of another type."""
     return replace(
-        own,
-        low=converted(own.low, own.unit, unit, unit_type),
-        high=converted(own.high, own.unit, unit, unit_type),
+        limits,
+        low=converted(limits.low, limits.unit, unit, unit_type),
+        high=converted(limits.high, limits.unit, unit, unit_type),
         unit=unit,
     )
 
 
 def converted(number: float, unit: str, wanted: str, unit_type: str) -> float:
     """A number in the wanted unit; ValueError for a unit that the type does not have."""
-    known = UNITS.get(unit_type, {wanted: (1.0, 0.0)} if unit == wanted else {})
-    for one in (unit, wanted):
-        if one not in known:
-            expected = nearest(one, known) if known else f"; {unit_type} has one unit, {wanted}"
-            raise ValueError(f"{one!r} is not a unit of {unit_type}{expected}")
+    units = UNITS.get(unit_type, {wanted: (1.0, 0.0)} if unit == wanted else {})
+    for name in (unit, wanted):
+        if name not in units:
+            expected = nearest(name, units) if units else f"; {unit_type} has one unit, {wanted}"
+            raise ValueError(f"{name!r} is not a unit of {unit_type}{expected}")
     if unit == wanted:
         return number
-    (scale, offset), (to, shift) = known[unit], known[wanted]
+    (scale, offset), (to, shift) = units[unit], units[wanted]
     return float(f"{(number * scale + offset - shift) / to:.{DIGITS}g}")

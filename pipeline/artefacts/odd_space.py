@@ -1,4 +1,7 @@
-"""The space of an OpenODD taxonomy: its concepts as variables, its modules and what may be absent as constraints."""
+"""The space of an OpenODD taxonomy.
+
+Its concepts become variables; its modules and what may be absent become constraints.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,11 @@ UNKNOWN = ("unknown", "none", "null", "undefined")
 
 
 def odd_space(parts: Mapping[str, Mapping[str, Any]]) -> Space:
-    """The space of the sections TAXONOMY, MODULES, ODD and COVERAGE; ValueError that names the place of what is wrong."""
+    """The space of the sections TAXONOMY, MODULES, ODD and COVERAGE.
+
+    Raises:
+        ValueError: naming the place of what is wrong.
+    """
     return _Odd(parts).space()
 
 
@@ -32,8 +39,8 @@ class _Odd:
     def __init__(self, parts: Mapping[str, Mapping[str, Any]]) -> None:
         self._taxonomy = Taxonomy(parts["TAXONOMY"])
         self._modules = Modules(parts["ODD"], parts["MODULES"])
-        self._said = parts["COVERAGE"]
-        for key in self._said:
+        self._coverage = parts["COVERAGE"]
+        for key in self._coverage:
             if key not in COVERAGE:
                 raise ValueError(f"COVERAGE: unknown key '{key}'{nearest(str(key), COVERAGE)}")
         self._cuts: dict[str, dict[float, None]] = {}
@@ -45,9 +52,11 @@ class _Odd:
         """The space of the chosen concepts in which the ODD holds."""
         kept = self._kept()
         self._collect_cuts()
-        absent = self._absent()
+        optional = set()
+        for name in (*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")):
+            optional |= set(self._taxonomy.below("COVERAGE", name))
         self._variables = [
-            self._variable(name, self._taxonomy.concepts[name], name in absent) for name in kept
+            self._variable(name, self._taxonomy.concepts[name], name in optional) for name in kept
         ]
         if not self._variables:
             raise ValueError("TAXONOMY: expected concepts, got none")
@@ -57,50 +66,56 @@ class _Odd:
         )
 
     def _list(self, key: str) -> list[str]:
-        found = self._said.get(key) or []
-        if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
-            raise ValueError(f"COVERAGE.{key}: expected a list of names, got {shown(found)}")
-        return found
+        names = self._coverage.get(key) or []
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"COVERAGE.{key}: expected a list of names, got {shown(names)}")
+        return names
 
     def _mapping(self, key: str) -> dict[str, Any]:
-        found = self._said.get(key) or {}
-        if not isinstance(found, dict):
-            raise ValueError(f"COVERAGE.{key}: expected a mapping, got {shown(found)}")
-        return found
+        section = self._coverage.get(key) or {}
+        if not isinstance(section, dict):
+            raise ValueError(f"COVERAGE.{key}: expected a mapping, got {shown(section)}")
+        return section
 
     def _kept(self) -> list[str]:
-        """The concepts that are variables: those chosen, or all but numbers whose ranges define literals."""
+        """The concepts that are variables.
+
+        These are the chosen ones, or all except numbers whose ranges define literals.
+        """
         concepts = self._taxonomy.concepts
         bases = {self._base(name) for name, concept in concepts.items() if concept.base}
-        if chosen := self._list("CONCEPTS"):
-            named = {
-                name for one in chosen for name in self._taxonomy.below("COVERAGE.CONCEPTS", one)
-            }
-            named = {(self._ordered(name) or name) if name in bases else name for name in named}
-            return [name for name in concepts if name in named]
-        return [name for name in concepts if name not in bases]
+        chosen = self._list("CONCEPTS")
+        if not chosen:
+            return [name for name in concepts if name not in bases]
+        kept = set()
+        for part in chosen:
+            for name in self._taxonomy.below("COVERAGE.CONCEPTS", part):
+                kept.add((self._ordered(name) or name) if name in bases else name)
+        return [name for name in concepts if name in kept]
 
     def _base(self, name: str) -> str:
         """The number that defines the literals of a concept: the one declared nearest to it."""
         concept = self._taxonomy.concepts[name]
         for depth in reversed(range(len(concept.path))):
-            for other, one in self._taxonomy.concepts.items():
-                if one.path == (*concept.path[:depth], concept.base) and one.is_number:
-                    return other
+            path = (*concept.path[:depth], concept.base)
+            for number, candidate in self._taxonomy.concepts.items():
+                if candidate.path == path and candidate.is_number:
+                    return number
         return self._taxonomy.find(concept.where, concept.base)
 
     def _ordered(self, number: str) -> str | None:
         """The concept whose literals are ranges of a number; None if there is none."""
-        found = [
+        ordered = [
             name
             for name, concept in self._taxonomy.concepts.items()
             if concept.base and self._base(name) == number
         ]
-        if len(found) > 1:
+        if len(ordered) > 1:
             raise ValueError(
-                f"{self._taxonomy.concepts[number].where}: expected literals of one concept, got {' and '.join(found)}"
+                f"{self._taxonomy.concepts[number].where}: expected literals of one concept, got "
+                f"{' and '.join(ordered)}"
             )
-        return found[0] if found else None
+        return ordered[0] if ordered else None
 
     def _collect_cuts(self) -> None:
         """The ends of all bounds that statements set, and the cuts that are asked for."""
@@ -112,19 +127,20 @@ class _Odd:
                 )
             for cut in cuts:
                 with _at(where):
-                    own = bounds(cut)
-                self._cut(where, self._number(where, name), Bounds(own.low, inf, own.unit))
+                    limits = bounds(cut)
+                self._cut(where, self._number(where, name), Bounds(limits.low, inf, limits.unit))
         self._modules.statements(self._cutting)
         for child, condition in self._mapping("APPLIES_IF").items():
             self._applies(child, condition, self._cutting)
 
     def _number(self, where: str, name: str) -> str:
-        found = self._taxonomy.find(where, name)
-        if not self._taxonomy.concepts[found].is_number:
+        number = self._taxonomy.find(where, name)
+        if not self._taxonomy.concepts[number].is_number:
             raise ValueError(
-                f"{where}: expected a number, got {found} with {', '.join(self._taxonomy.concepts[found].literals)}"
+                f"{where}: expected a number, got {number} with "
+                f"{', '.join(self._taxonomy.concepts[number].literals)}"
             )
-        return found
+        return number
 
     def _cutting(self, where: str, key: str, plain: Any, grows: bool) -> Expression:
         name = self._taxonomy.find(where, key)
@@ -137,36 +153,34 @@ class _Odd:
                 and self._ordered(name) is None
             ):
                 with _at(where):
-                    own = bounds(text)
-                self._cut(where, name, own)
+                    limits = bounds(text)
+                self._cut(where, name, limits)
         return Every(())
 
-    def _cut(self, where: str, name: str, own: Bounds) -> None:
+    def _cut(self, where: str, name: str, limits: Bounds) -> None:
         concept = self._taxonomy.concepts[name]
-        unit = self._units.setdefault(name, own.unit)
+        unit = self._units.setdefault(name, limits.unit)
         with _at(where):
-            own = in_unit(own, unit, concept.unit_type)
+            limits = in_unit(limits, unit, concept.unit_type)
         cuts = self._cuts.setdefault(name, {})
-        for end in ends_of(concept, own):
+        for end in ends_of(concept, limits):
             cuts[end] = None
 
     def _variable(self, name: str, concept: Concept, optional: bool) -> Variable:
         if concept.literals:
-            return Variable(
-                name,
-                "categorical",
-                values=(*concept.literals, *([NOT_APPLICABLE] if optional else [])),
-            )
-        if not concept.is_number or not self._cuts.get(name):
-            why = (
-                "a shape file has no categories"
-                if not concept.is_number
-                else "no statement compares this number; give it COVERAGE.CUTS"
-            )
+            absent = (NOT_APPLICABLE,) if optional else ()
+            return Variable(name, "categorical", values=(*concept.literals, *absent))
+        why = ""
+        if not concept.is_number:
+            why = "a shape file has no categories"
+        elif not self._cuts.get(name):
+            why = "no statement compares this number; give it COVERAGE.CUTS"
+        if why:
             raise ValueError(f"{concept.where}: {why}, or leave it out of COVERAGE.CONCEPTS")
         if optional:
             raise ValueError(
-                f"{concept.where}: a number that may not apply needs literals; define them by ranges of it"
+                f"{concept.where}: a number that may not apply needs literals; define them by "
+                "ranges of it"
             )
         cuts = sorted(self._cuts[name])
         low = -inf if concept.unit_type in SIGNED or cuts[0] < 0 else 0.0
@@ -179,51 +193,39 @@ class _Odd:
             cuts=tuple(cut for cut in cuts if cut > low),
         )
 
-    def _absent(self) -> set[str]:
-        """The concepts that may not apply."""
-        named = [*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")]
-        return {name for one in named for name in self._taxonomy.below("COVERAGE", one)}
-
     def _parents(self) -> list[Statement]:
         """What is absent together, and what is absent unless something else holds."""
-        found = []
+        statements = []
         for record in self._list("OPTIONAL"):
-            inside = [
-                name
-                for name in self._taxonomy.below("COVERAGE.OPTIONAL", record)
-                if name in self._index
-            ]
-            own = [name for name in inside if name not in self._deeper(record)]
-            for other in inside if own else []:
-                both = Some((Not(self._missing(own[0])), self._missing(other)))
-                back = Some((Not(self._missing(other)), self._missing(own[0])))
-                together = other in own
-                found.append(
-                    Statement(
-                        f"COVERAGE.OPTIONAL.{record}", Every((both, back)) if together else both
-                    )
-                )
+            below = self._taxonomy.below("COVERAGE.OPTIONAL", record)
+            inside = [name for name in below if name in self._index]
+            direct = [name for name in inside if name not in self._deeper(record)]
+            for name in inside if direct else []:
+                first, missing = self._missing(direct[0]), self._missing(name)
+                implied: Expression = Some((Not(first), missing))
+                if name in direct:
+                    implied = Every((implied, Some((Not(missing), first))))
+                statements.append(Statement(f"COVERAGE.OPTIONAL.{record}", implied))
         for child, condition in self._mapping("APPLIES_IF").items():
             holds = self._applies(child, condition, self._meaning)
             for name in self._taxonomy.below("COVERAGE.APPLIES_IF", child):
-                if name in self._index:
-                    missing = self._missing(name)
-                    found.append(
-                        Statement(
-                            f"COVERAGE.APPLIES_IF.{child}",
-                            Every((Some((missing, holds)), Some((Not(missing), Not(holds))))),
-                        )
-                    )
-        return found
+                if name not in self._index:
+                    continue
+                missing = self._missing(name)
+                either = Every((Some((missing, holds)), Some((Not(missing), Not(holds)))))
+                statements.append(Statement(f"COVERAGE.APPLIES_IF.{child}", either))
+        return statements
 
     def _deeper(self, record: str) -> set[str]:
-        """The concepts of a record that are in an optional record inside it, or that apply only if something else holds."""
-        inside = set(self._taxonomy.below("COVERAGE", record))
-        others = [
-            one for one in (*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")) if one != record
-        ]
-        several = [set(self._taxonomy.below("COVERAGE", one)) for one in others]
-        return {name for own in several if own < inside for name in own}
+        """The concepts of a record that are in an optional record inside it, or that apply only if
+        something else holds.
+        """
+        inside, deeper = set(self._taxonomy.below("COVERAGE", record)), set()
+        for other in (*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")):
+            names = set(self._taxonomy.below("COVERAGE", other))
+            if other != record and names < inside:
+                deeper |= names
+        return deeper
 
     def _missing(self, name: str) -> Expression:
         index = self._index[name]
@@ -233,14 +235,18 @@ class _Odd:
         where = f"COVERAGE.APPLIES_IF.{child}"
         if not isinstance(condition, dict) or not condition:
             raise ValueError(
-                f"{where}: expected conditions such as 'rainfall: [light, heavy]', got {shown(condition)}"
+                f"{where}: expected conditions such as 'rainfall: [light, heavy]', got "
+                f"{shown(condition)}"
             )
         return Every(
             tuple(meaning(f"{where}.{key}", key, plain, False) for key, plain in condition.items())
         )
 
     def _meaning(self, where: str, key: str, plain: Any, grows: bool) -> Expression:
-        """A condition on one concept. Where the concept does not apply, the condition never keeps a point outside the ODD."""
+        """A condition on one concept.
+
+        Where the concept does not apply, the condition never keeps a point outside the ODD.
+        """
         name = self._taxonomy.find(where, key)
         concept = self._taxonomy.concepts[name]
         shown_by = (self._ordered(name) or name) if concept.is_number else name
@@ -251,18 +257,15 @@ class _Odd:
         index = self._index[shown_by]
         variable = self._variables[index]
         literals = self._taxonomy.concepts[shown_by].literals
-        texts = [
-            text for text in (plain if isinstance(plain, list) else [plain]) if text is not None
-        ]
-        known = [text for text in texts if text not in UNKNOWN or text in variable.values]
         inside: set[int] = set()
-        for text in known:
+        for text in plain if isinstance(plain, list) else [plain]:
+            if text is None or (text in UNKNOWN and text not in variable.values):
+                continue
             with _at(where):
-                inside |= categories_meant(
-                    concept, self._taxonomy.concepts[shown_by], variable, text
-                )
-        if grows and NOT_APPLICABLE in variable.values and literals and known:
-            inside.add(variable.size - 1)
+                counted = self._taxonomy.concepts[shown_by]
+                inside |= categories_meant(concept, counted, variable, text)
+            if grows and NOT_APPLICABLE in variable.values and literals:
+                inside.add(variable.size - 1)
         return OneOf((index,), frozenset((category,) for category in inside))
 
 

@@ -1,9 +1,12 @@
-"""The concepts of an OpenODD taxonomy (ASAM OpenODD 1.0, section 10.2): numbers, truth values and literals in nested records."""
+"""The concepts of an OpenODD taxonomy (ASAM OpenODD 1.0, section 10.2).
+
+They are numbers, truth values and literals in nested records.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -19,9 +22,14 @@ SHAPEFILE = "shapefile"
 
 @dataclass(frozen=True)
 class Concept:
-    """A leaf of the taxonomy. path: from the top record. literals: of a categorical or boolean concept. unit_type: of a number.
+    """A leaf of the taxonomy.
 
-    ranges: what each literal means for the number `base`, if ranges define the literals; these are then in the order of the ranges.
+    Attributes:
+        path: from the top record.
+        literals: of a categorical or boolean concept.
+        unit_type: of a number.
+        ranges: what each literal means for the number `base`, if ranges define the literals; these
+            are then in the order of the ranges.
     """
 
     path: tuple[str, ...]
@@ -36,6 +44,11 @@ class Concept:
         return ".".join(("TAXONOMY", *self.path))
 
     @property
+    def ends(self) -> list[tuple[str, ...]]:
+        """The ends of its path, the shortest first."""
+        return [self.path[start:] for start in reversed(range(len(self.path)))]
+
+    @property
     def is_number(self) -> bool:
         return not self.literals and self.unit_type != SHAPEFILE
 
@@ -44,50 +57,50 @@ class Taxonomy:
     """Concepts by their names: the shortest end of the path that only one concept has."""
 
     def __init__(self, plain: Mapping[str, Any]) -> None:
-        """Raises ValueError that names the place: for a wrong leaf, and for a concept with the name of another."""
+        """Read the concepts.
+
+        Raises:
+            ValueError: naming the place of a wrong leaf, or a concept with the name of another.
+        """
         self.concepts: dict[str, Concept] = {}
-        found = list(_concepts((), plain))
-        ends = Counter(
-            concept.path[start:] for concept in found for start in range(len(concept.path))
-        )
-        for concept in found:
-            own = [
-                concept.path[start:]
-                for start in reversed(range(len(concept.path)))
-                if ends[concept.path[start:]] == 1
-            ]
-            if not own:
+        concepts = list(_concepts((), plain))
+        ends = Counter(end for concept in concepts for end in concept.ends)
+        for concept in concepts:
+            unique = [end for end in concept.ends if ends[end] == 1]
+            if not unique:
                 raise ValueError(f"{concept.where}: this concept is declared twice")
-            self.concepts[".".join(own[0])] = concept
+            self.concepts[".".join(unique[0])] = concept
 
     def find(self, where: str, name: str) -> str:
-        """The name of the concept that the end of a path means; ValueError for none and for several."""
+        """The name of the concept that the end of a path means.
+
+        Raises:
+            ValueError: for none and for several.
+        """
         if name in self.concepts:
             return name
         end = tuple(name.split("."))
-        found = [key for key, concept in self.concepts.items() if concept.path[-len(end) :] == end]
-        if len(found) > 1:
-            raise ValueError(f"{where}: {name} is one of {', '.join(found)}; name one of them")
-        if not found:
+        matches = [key for key, concept in self.concepts.items() if end in concept.ends]
+        if len(matches) > 1:
+            raise ValueError(f"{where}: {name} is one of {', '.join(matches)}; name one of them")
+        if not matches:
             raise ValueError(f"{where}: there is no concept {name}{nearest(name, self.concepts)}")
-        return found[0]
+        return matches[0]
 
     def below(self, where: str, name: str) -> list[str]:
         """The concepts inside a record, or the concept of this name itself."""
-        end = tuple(name.split("."))
-        found = [
+        inside = [
             key
-            for key, one in self.concepts.items()
-            if any(one.path[: i + 1][-len(end) :] == end for i in range(len(one.path)))
+            for key, concept in self.concepts.items()
+            if f".{name}." in f".{'.'.join(concept.path)}."
         ]
-        if not found:
-            raise ValueError(
-                f"{where}: there is no record or concept {name}{nearest(name, self._records() | set(self.concepts))}"
-            )
-        return found
-
-    def _records(self) -> set[str]:
-        return {part for concept in self.concepts.values() for part in concept.path[:-1]}
+        if not inside:
+            names = set(self.concepts)
+            for concept in self.concepts.values():
+                names.update(concept.path[:-1])
+            hint = nearest(name, names)
+            raise ValueError(f"{where}: there is no record or concept {name}{hint}")
+        return inside
 
 
 def _concepts(path: tuple[str, ...], plain: Any) -> Iterator[Concept]:
@@ -99,7 +112,12 @@ def _concepts(path: tuple[str, ...], plain: Any) -> Iterator[Concept]:
             for name, inner in plain.items():
                 yield from _concepts((*path, str(name)), inner)
         case list():
-            yield Concept(path, _literals(where, plain))
+            texts = all(isinstance(literal, str) for literal in plain)
+            if not plain or not texts or len(set(plain)) < len(plain):
+                raise ValueError(
+                    f"{where}: expected a list of distinct literals, got {shown(plain)}"
+                )
+            yield Concept(path, tuple(plain))
         case "boolean":
             yield Concept(path, TRUTH)
         case "shapefile":
@@ -108,30 +126,22 @@ def _concepts(path: tuple[str, ...], plain: Any) -> Iterator[Concept]:
             yield Concept(path, unit_type=words[1], whole=words[0] in NUMBERS[:2])
         case _:
             raise ValueError(
-                f"{where}: expected a record, a list of literals, boolean, shapefile or a number such as 'float length', got {shown(plain)}"
+                f"{where}: expected a record, a list of literals, boolean, shapefile or a number "
+                f"such as 'float length', got {shown(plain)}"
             )
-
-
-def _literals(where: str, plain: Sequence[Any]) -> tuple[str, ...]:
-    if (
-        not plain
-        or not all(isinstance(literal, str) for literal in plain)
-        or len(set(plain)) < len(plain)
-    ):
-        raise ValueError(f"{where}: expected a list of distinct literals, got {shown(plain)}")
-    return tuple(plain)
 
 
 def _ranges(where: str, plain: Mapping[Any, Any]) -> dict[str, tuple[str, Bounds]]:
     """Literal -> number and bounds, if bounds of one number define the literals; else nothing."""
-    inner = [item for one in plain.values() if isinstance(one, dict) for item in one.items()]
-    if not inner or not all(isinstance(one, dict) for one in plain.values()):
+    if not all(isinstance(literal, dict) for literal in plain.values()):
         return {}
-    if not all(isinstance(text, str) and is_bounds(text) for _, text in inner):
+    inner = [item for literal in plain.values() for item in literal.items()]
+    if not inner or not all(isinstance(text, str) and is_bounds(text) for _, text in inner):
         return {}
     if len({name for name, _ in inner}) > 1 or len(inner) != len(plain):
         raise ValueError(
-            f"{where}: expected literals that the bounds of one number define, got {', '.join(str(name) for name, _ in inner)}"
+            f"{where}: expected literals that the bounds of one number define, got "
+            f"{', '.join(str(name) for name, _ in inner)}"
         )
     return {
         str(literal): (str(name), bounds(text))
@@ -143,9 +153,10 @@ def _ordered(
     where: str, path: tuple[str, ...], ranges: Mapping[str, tuple[str, Bounds]]
 ) -> Concept:
     unit = next(iter(ranges.values()))[1].unit
-    if any(own.unit != unit for _, own in ranges.values()):
+    if any(limits.unit != unit for _, limits in ranges.values()):
         raise ValueError(
-            f"{where}: expected one unit for all literals, got {', '.join(own.unit for _, own in ranges.values())}"
+            f"{where}: expected one unit for all literals, got "
+            f"{', '.join(limits.unit for _, limits in ranges.values())}"
         )
     order = sorted(ranges, key=lambda literal: (ranges[literal][1].low, ranges[literal][1].high))
     for first, second in pairwise(order):
@@ -159,15 +170,20 @@ def _ordered(
     )
 
 
-def literals_within(concept: Concept, own: Bounds, unit_type: str) -> frozenset[int]:
-    """Indices of the literals whose ranges are inside bounds of their number; ValueError if the bounds cut through one."""
+def literals_within(concept: Concept, bounds: Bounds, unit_type: str) -> frozenset[int]:
+    """Indices of the literals whose ranges are inside bounds of their number.
+
+    Raises:
+        ValueError: if the bounds cut through one.
+    """
     inside = set()
     for index, part in enumerate(concept.ranges):
-        limits = in_unit(own, part.unit, unit_type)
+        limits = in_unit(bounds, part.unit, unit_type)
         if limits.holds_all(part):
             inside.add(index)
         elif not limits.holds_none(part):
             raise ValueError(
-                f"this cuts through the literal {concept.literals[index]} of {concept.path[-1]}; end a literal there"
+                f"this cuts through the literal {concept.literals[index]} of {concept.path[-1]}; "
+                "end a literal there"
             )
     return frozenset(inside)

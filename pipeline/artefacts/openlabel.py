@@ -10,14 +10,19 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artefacts.tables import frame_box
-from pipeline.core.boxes import Box
 
 STREAM = "camera"
 
 
 @dataclass(frozen=True)
 class Camera:
-    """width, height: of its images, pixels. hfov_deg: its horizontal field of view. distortion: its first radial coefficient."""
+    """The camera of the images.
+
+    Attributes:
+        width, height: of its images, pixels.
+        hfov_deg: its horizontal field of view.
+        distortion: its first radial coefficient.
+    """
 
     width: int
     height: int
@@ -26,9 +31,12 @@ class Camera:
 
 
 def openlabel(rows: pd.DataFrame, images: Mapping[int, str], camera: Camera) -> dict[str, Any]:
-    """The frames of one test execution in OpenLABEL's JSON: one pedestrian, with its visible and its whole box.
+    """The frames of one test execution in OpenLABEL's JSON.
 
-    images: the file of each row, by the row's index.
+    They show one pedestrian, with its visible and its whole box.
+
+    Args:
+        images: the file of each row, by the row's index.
     """
     width, height, distortion = camera.width, camera.height, camera.distortion
     focal = width / 2 / float(np.tan(np.radians(camera.hfov_deg) / 2))
@@ -44,11 +52,14 @@ def openlabel(rows: pd.DataFrame, images: Mapping[int, str], camera: Camera) -> 
         frame: dict[str, Any] = {
             "frame_properties": {"streams": {STREAM: {"uri": images[int(str(index))]}}}
         }
-        boxes = [
-            _bbox(name, box)
-            for name in ("visible", "whole")
-            if (box := frame_box(row, name)) is not None
-        ]
+        boxes = []
+        for name in ("visible", "whole"):
+            box = frame_box(row, name)
+            if box is not None:
+                left, top, right, bottom = box
+                # OpenLABEL's boxes: centre, width and height.
+                val = [(left + right) / 2, (top + bottom) / 2, right - left, bottom - top]
+                boxes.append({"name": name, "stream": STREAM, "val": val})
         if boxes:
             numbers = [
                 {"name": name, "val": float(row[name])}
@@ -90,13 +101,3 @@ def _intervals(steps: Sequence[int]) -> list[dict[str, int]]:
     return [
         {"frame_start": start, "frame_end": end} for start, end in zip(starts, ends, strict=True)
     ]
-
-
-def _bbox(name: str, box: Box) -> dict[str, Any]:
-    """OpenLABEL boxes: centre x and y, width and height, pixels."""
-    left, top, right, bottom = box
-    return {
-        "name": name,
-        "stream": STREAM,
-        "val": [(left + right) / 2, (top + bottom) / 2, right - left, bottom - top],
-    }

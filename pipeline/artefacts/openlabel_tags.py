@@ -1,4 +1,7 @@
-"""Tags of ASAM OpenLABEL 1.0 files as points: a file is one, or each stretch of frames with the same tags."""
+"""Tags of ASAM OpenLABEL 1.0 files as points.
+
+A point is a file, or each stretch of its frames with the same tags.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ Interval = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Said:
+class Tagged:
     """A value of a variable, and the frames in which it holds; without intervals, in all."""
 
     variable: Variable
@@ -44,9 +47,13 @@ def is_openlabel(plain: Any) -> bool:
 def openlabel(files: Sequence[tuple[Path, Any]], variables: Sequence[Variable]) -> DataSet:
     """The points of OpenLABEL files.
 
-    A tag, or a named entry of its data, whose name is that of a variable gives its value; without data it means `true`. A tag whose type is
-    a category of one variable gives that category. An absent tag says nothing. Several values, and a range that is in no single category,
-    leave the variable unknown. Raises InputError that names the file and the place in it.
+    A tag, or a named entry of its data, whose name is that of a variable gives its value; without
+    data it means `true`. A tag whose type is a category of one variable gives that category. An
+    absent tag says nothing. Several values, and a range that is in no single category, leave the
+    variable unknown.
+
+    Raises:
+        InputError: naming the file and the place in it.
     """
     rows = [row for path, plain in files for row in _points(path, plain, variables)]
     return DataSet.of(files[0][0] if len(files) == 1 else files[0][0].parent, rows)
@@ -63,14 +70,14 @@ def _points(
         raise InputError(
             f"{path}: {ROOT}.metadata.schema_version: expected {VERSION}x, got {version}"
         )
-    said = [one for element in ELEMENTS for one in _elements(path, root, element, variables)]
+    tags = [tag for kind in ELEMENTS for tag in _elements(path, root, kind, variables)]
     whole = _intervals(path, root, ROOT)
-    if not any(one.intervals for one in said):
-        return [(path.name, _together(said, variables))]
+    if not any(tag.intervals for tag in tags):
+        return [(path.name, _together(tags, variables))]
     points: list[tuple[str, dict[str, Any]]] = []
     stretches: list[Interval] = []
-    for first, last in _stretches([one.intervals for one in said], whole):
-        values = _together([one for one in said if one.holds(first)], variables)
+    for first, last in _stretches([tag.intervals for tag in tags], whole):
+        values = _together([tag for tag in tags if tag.holds(first)], variables)
         if points and points[-1][1] == values and stretches[-1][1] == first - 1:
             first, _ = stretches.pop()
             points.pop()
@@ -82,23 +89,23 @@ def _points(
 def _stretches(
     several: Sequence[tuple[Interval, ...]], whole: tuple[Interval, ...]
 ) -> Iterator[Interval]:
-    """The parts of the whole recording, or of all intervals together, in which the same intervals hold."""
+    """The parts of the whole recording, or of all intervals together, in which the same intervals
+    hold.
+    """
     every = [interval for intervals in (*several, whole) for interval in intervals]
     inside = whole or tuple(every)
-    for first, end in pairwise(
-        sorted({first for first, _ in every} | {last + 1 for _, last in every})
-    ):
+    limits = {first for first, _ in every} | {last + 1 for _, last in every}
+    for first, end in pairwise(sorted(limits)):
         if any(start <= first <= last for start, last in inside):
             yield first, end - 1
 
 
 def _intervals(path: Path, element: Mapping[str, Any], where: str) -> tuple[Interval, ...]:
-    found = []
-    for index, interval in enumerate(
-        member(path, element, "frame_intervals", list, where)
-        if "frame_intervals" in element
-        else []
-    ):
+    intervals = []
+    listed = []
+    if "frame_intervals" in element:
+        listed = member(path, element, "frame_intervals", list, where)
+    for index, interval in enumerate(listed):
         place = f"{where}.frame_intervals[{index}]"
         first, last = (
             member(path, interval, key, int, place) for key in ("frame_start", "frame_end")
@@ -107,31 +114,31 @@ def _intervals(path: Path, element: Mapping[str, Any], where: str) -> tuple[Inte
             raise InputError(
                 f"{path}: {place}: expected frame_start before frame_end, got {first} and {last}"
             )
-        found.append((first, last))
-    return tuple(found)
+        intervals.append((first, last))
+    return tuple(intervals)
 
 
 def _elements(
     path: Path, root: Mapping[str, Any], kind: str, variables: Sequence[Variable]
-) -> Iterator[Said]:
+) -> Iterator[Tagged]:
     ontologies = member(path, root, "ontologies", dict, ROOT) if "ontologies" in root else {}
     for uid, element in (member(path, root, kind, dict, ROOT) if kind in root else {}).items():
         where = f"{ROOT}.{kind}.{uid}"
         name = member(path, element, "type", str, where)
         if "ontology_uid" in element and str(element["ontology_uid"]) not in ontologies:
             raise InputError(
-                f"{path}: {where}.ontology_uid: expected one of {', '.join(ontologies)}, got {shown(element['ontology_uid'])}"
+                f"{path}: {where}.ontology_uid: expected one of {', '.join(ontologies)}, got "
+                f"{shown(element['ontology_uid'])}"
             )
         data = element.get(ELEMENTS[kind], {})
-        if kind == "tags" and isinstance(
-            data, str
-        ):  # The schema allows a text instead of named data.
+        if kind == "tags" and isinstance(data, str):
+            # The schema allows a text instead of named data.
             data = {"text": [{"name": name, "val": data}]}
         elif ELEMENTS[kind] in element:
             data = member(path, element, ELEMENTS[kind], dict, where)
         intervals = _intervals(path, element, where)
         for variable, value in _values(path, f"{where}.{ELEMENTS[kind]}", name, data, variables):
-            yield Said(variable, value, intervals)
+            yield Tagged(variable, value, intervals)
 
 
 def _values(
@@ -142,12 +149,8 @@ def _values(
     entries = list(_entries(path, where, data))
     for key in dict.fromkeys(entry.get("name", name) for _, _, entry in entries):
         if key in named:
-            own = [
-                (place, kind, entry)
-                for place, kind, entry in entries
-                if entry.get("name", name) == key
-            ]
-            yield named[key], _value(path, named[key], own)
+            values = [entry for entry in entries if entry[2].get("name", name) == key]
+            yield named[key], _value(path, named[key], values)
     if not entries and name in named and "true" in named[name].labels:
         yield named[name], "true"
     classes = [
@@ -158,7 +161,8 @@ def _values(
     if len(classes) > 1:
         both = " and of ".join(variable.name for variable in classes)
         raise InputError(
-            f"{path}: {where.rpartition('.')[0]}: {name} is a category of {both}; give them different names"
+            f"{path}: {where.rpartition('.')[0]}: {name} is a category of {both}; give them "
+            "different names"
         )
     denied = any(kind == "boolean" and entry.get("val") is False for _, kind, entry in entries)
     if classes and name not in named and not denied:
@@ -168,9 +172,8 @@ def _values(
 def _entries(path: Path, where: str, data: Any) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Place, kind and content of each entry of a tag's data."""
     for kind in ("boolean", "num", "text", "vec"):
-        for index, entry in enumerate(
-            member(path, data, kind, list, where) if kind in data else []
-        ):
+        listed = member(path, data, kind, list, where) if kind in data else []
+        for index, entry in enumerate(listed):
             place = f"{where}.{kind}[{index}]"
             if not isinstance(entry, dict) or "val" not in entry:
                 raise InputError(
@@ -186,52 +189,46 @@ def _entries(path: Path, where: str, data: Any) -> Iterator[tuple[str, str, Mapp
 def _value(
     path: Path, variable: Variable, entries: Sequence[tuple[str, str, Mapping[str, Any]]]
 ) -> str:
-    """The value of a variable as text; several values joined, which are no category, so the variable is unknown."""
-    found: dict[str, None] = {}
+    """The value of a variable as text.
+
+    Several values are joined, which is no category, so the variable is unknown.
+    """
+    texts: dict[str, None] = {}
     low, high = -np.inf, np.inf
     for place, kind, entry in entries:
         value, sort = entry["val"], entry.get("type", "value")
         if kind == "boolean" and isinstance(value, bool):
-            found[str(value).lower()] = None
+            texts[str(value).lower()] = None
         elif kind == "text" and isinstance(value, str):
-            found[value] = None
-        elif kind == "num" and sort in ("min", "max"):
-            low, high = (
-                (_number(path, place, value), high)
-                if sort == "min"
-                else (low, _number(path, place, value))
-            )
+            texts[value] = None
+        elif kind == "num" and sort == "min":
+            low = _number(path, place, value)
+        elif kind == "num" and sort == "max":
+            high = _number(path, place, value)
         elif kind == "num":
-            found[number_text(_number(path, place, value))] = None
+            texts[number_text(_number(path, place, value))] = None
         elif kind == "vec" and isinstance(value, list) and value and sort == "range":
             low, high = (_number(path, place, end) for end in (value[0], value[-1]))
         elif kind == "vec" and isinstance(value, list) and value:
-            found |= {
-                one if isinstance(one, str) else number_text(_number(path, place, one)): None
-                for one in value
-            }
+            for item in value:
+                text = item if isinstance(item, str) else number_text(_number(path, place, item))
+                texts[text] = None
         else:
             expected = {"boolean": "true or false", "text": "a text"}.get(kind, "a list of values")
             raise InputError(f"{path}: {place}.val: expected {expected}, got {shown(value)}")
     if (low, high) != (-np.inf, np.inf):
-        found[_range(variable, float(low), float(high))] = None
-    return " and ".join(found)
+        texts[_range(variable, float(low), float(high))] = None
+    return " and ".join(texts)
 
 
 def _range(variable: Variable, low: float, high: float) -> str:
     """A number in the category that holds a whole range, else the range."""
-    if variable.kind != "categorical":
+    if variable.kind != "categorical" and not variable.cyclic and low <= high:
         ends = np.clip([low, high], variable.low, variable.high)
-        inside = (
-            variable.low <= low or not isfinite(low),
-            high <= variable.high or not isfinite(high),
-        )
-        if (
-            all(inside)
-            and low <= high
-            and len(set(variable.categorise(ends).tolist())) == 1
-            and not variable.cyclic
-        ):
+        starts_inside = variable.low <= low or not isfinite(low)
+        ends_inside = high <= variable.high or not isfinite(high)
+        same = len(set(variable.categorise(ends).tolist())) == 1
+        if starts_inside and ends_inside and same:
             return number_text(float(ends[0]))
     return f"{number_text(low)} to {number_text(high)}"
 
@@ -246,10 +243,10 @@ def _number(path: Path, place: str, value: Any) -> float:
     return number
 
 
-def _together(said: Sequence[Said], variables: Sequence[Variable]) -> dict[str, Any]:
-    """One value a variable: None if nothing is said, all of them joined if they differ."""
-    found: dict[str, Any] = {}
+def _together(tags: Sequence[Tagged], variables: Sequence[Variable]) -> dict[str, Any]:
+    """One value a variable: None without a tag, all of them joined if they differ."""
+    conditions: dict[str, Any] = {}
     for variable in variables:
-        values = dict.fromkeys(one.value for one in said if one.variable is variable)
-        found[variable.name] = " and ".join(values) if values else None
-    return found
+        values = dict.fromkeys(tag.value for tag in tags if tag.variable is variable)
+        conditions[variable.name] = " and ".join(values) if values else None
+    return conditions

@@ -1,8 +1,10 @@
-"""A concrete scenario as ASAM OpenDRIVE 1.6 and OpenSCENARIO XML 1.1, to replay a finding in CARLA or esmini.
+"""A concrete scenario as ASAM OpenDRIVE 1.6 and OpenSCENARIO XML 1.1, to replay a finding in CARLA
+or esmini.
 
-Exported: streets, junction, crosswalks, every road user's start and unbraked motion, sun, fog and rain. Not exported: houses, trees, the
-crosswalk that our camera shows on a main street without crosswalks, junction and rails, the pedestrian's looks and animation, and the
-braking, which depends on the detector.
+Exported: streets, junction, crosswalks, every road user's start and unbraked motion, sun, fog and
+rain. Not exported: houses, trees, the crosswalk that our camera shows on a main street without
+crosswalks, junction and rails, the pedestrian's looks and animation, and the braking, which depends
+on the detector.
 """
 
 from __future__ import annotations
@@ -38,11 +40,10 @@ from pipeline.scenarios.streets import (
 DATE = "2026-01-01T00:00:00"
 """Fixed, so the same scenario gives the same files."""
 JUNCTION_ID = "100"
-WEATHER, WALK = (
-    ("rain", "fog", "sun_altitude", "sun_azimuth"),
-    ("pedestrian_speed", "pedestrian_shift"),
-)
-"""The variables that a story needs, and those of a pedestrian."""
+WEATHER = ("rain", "fog", "sun_altitude", "sun_azimuth")
+"""The variables that a story needs."""
+WALK = ("pedestrian_speed", "pedestrian_shift")
+"""The variables that a pedestrian needs."""
 SUN_LUX = 100_000
 """Of the sun at the zenith."""
 
@@ -50,13 +51,16 @@ SUN_LUX = 100_000
 def write_openscenario(
     scenario: FunctionalScenario, concrete: Mapping[str, Value], out: Path
 ) -> tuple[Path, Path]:
-    """Write `<out>.xodr` and `<out>.xosc`; returns both paths. InputError if the scenario lacks a variable that they need."""
+    """Write `<out>.xodr` and `<out>.xosc`; returns both paths.
+
+    InputError if the scenario lacks a variable that they need.
+    """
     stem = out.with_suffix("") if out.suffix in (".xodr", ".xosc") else out
     if not stem.name:
         raise InputError(f"{out}: expected a name for both files")
     road, story = (stem.with_name(stem.name + suffix) for suffix in (".xodr", ".xosc"))
-    made = {road: open_drive(scenario.town), story: open_scenario(scenario, concrete, road.name)}
-    for path, root in made.items():
+    roots = {road: open_drive(scenario.town), story: open_scenario(scenario, concrete, road.name)}
+    for path, root in roots.items():
         write_bytes(path, xml_bytes(root))
     return road, story
 
@@ -68,7 +72,9 @@ def xml_bytes(root: Xml.Element) -> bytes:
 
 
 def _add(parent: Xml.Element, tag: str, **attributes: object) -> Xml.Element:
-    """A child element; trailing underscores of attribute names are dropped, numbers are written in full."""
+    """A child element; trailing underscores of attribute names are dropped, numbers are written in
+    full.
+    """
     texts = {
         name.rstrip("_"): f"{value:.6f}" if isinstance(value, float) else str(value)
         for name, value in attributes.items()
@@ -77,7 +83,8 @@ def _add(parent: Xml.Element, tag: str, **attributes: object) -> Xml.Element:
 
 
 def open_drive(town: Town) -> Xml.Element:
-    """The road network: main street 1 (and 2 behind a junction), side street 3, connecting roads 11 to 13.
+    """The road network: main street 1 (and 2 behind a junction), side street 3, connecting roads 11
+    to 13.
 
     InputError for a crosswalk inside the junction, which lies on none of its roads.
     """
@@ -146,12 +153,13 @@ def open_drive(town: Town) -> Xml.Element:
 def _check_crosswalks(town: Town, placed: int) -> None:
     if placed < len(town.crosswalks):
         raise InputError(
-            f"OpenDRIVE: expected crosswalks on a road, got {len(town.crosswalks) - placed} in the junction or beyond a street"
+            f"OpenDRIVE: expected crosswalks on a road, got {len(town.crosswalks) - placed} in the "
+            "junction or beyond a street"
         )
 
 
 def _reference_line(street: Street, start: float, end: float) -> paths.Piece:
-    """The line between a street's two directions, between two distances along the street in metres."""
+    """The line between a street's two directions; start, end: metres along the street."""
     stretch = _stretch(street)
     return paths.Piece(
         street.pose(start, street.middle), (end - start) * stretch, street.curvature / stretch
@@ -159,7 +167,10 @@ def _reference_line(street: Street, start: float, end: float) -> paths.Piece:
 
 
 def _stretch(street: Street) -> float:
-    """Metres of the reference line for a metre along the street: in a curve, they are not equally long."""
+    """Metres of the reference line for a metre along the street.
+
+    In a curve, the two are not equally long.
+    """
     return 1 - street.curvature * street.middle
 
 
@@ -209,8 +220,10 @@ def _connecting(root: Xml.Element, turn: _Turn, ahead: int) -> None:
 
 
 def _turned(incoming: str) -> int:
-    """-1 if the incoming road's line runs away from the junction, as the side street's does: its lanes towards the junction are on the
-    other side."""
+    """-1 if the incoming road's line runs away from the junction, as the side street's does.
+
+    Its lanes towards the junction are on the other side.
+    """
     return -1 if incoming == "3" else 1
 
 
@@ -228,7 +241,9 @@ def _geometry(view: Xml.Element, s: float, piece: paths.Piece) -> None:
 def _lanes(road: Xml.Element, ahead: int, pavement: bool, turned: int | None = None) -> None:
     """One lane to the left of the reference line, `ahead` lanes to its right, pavements outside.
 
-    turned: for a connecting road, which continues the lanes of the same number; -1 if the incoming road's lanes are seen from behind.
+    Args:
+        turned: for a connecting road, which continues the lanes of the same number; -1 if the
+            incoming road's lanes are seen from behind.
     """
     section = _add(_add(road, "lanes"), "laneSection", s=0.0)
     left = [(1, "driving", LANE_WIDTH)] + ([(2, "sidewalk", PAVEMENT_WIDTH)] if pavement else [])
@@ -258,7 +273,11 @@ def _lanes(road: Xml.Element, ahead: int, pavement: bool, turned: int | None = N
 
 
 def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> int:
-    """The crosswalks on this road; returns their number. first: metres along the street at which the road begins."""
+    """The crosswalks on this road; returns their number.
+
+    Args:
+        first: metres along the street at which the road begins.
+    """
     length = float(road.attrib["length"])
     wanted = [
         (c.at_m - street.start - first) * _stretch(street)
@@ -300,7 +319,11 @@ def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> int
 def open_scenario(
     scenario: FunctionalScenario, concrete: Mapping[str, Value], road_file: str
 ) -> Xml.Element:
-    """The unbraked motion of all road users as trajectories over time, and the weather; InputError if a variable is missing."""
+    """The unbraked motion of all road users as trajectories over time, and the weather.
+
+    Raises:
+        InputError: if a variable is missing.
+    """
     for name in (*WEATHER, *(WALK if scenario.has_pedestrian else ())):
         if name not in concrete:
             raise InputError(
@@ -359,8 +382,8 @@ def _motions(scenario: FunctionalScenario, concrete: Mapping[str, Value]) -> dic
     route, speed = scenario.ego.route(), scenario.ego.speed_kmh / 3.6
     motions = {"ego": [(t, route.at(scenario.start_s() + speed * t)) for t in times]}
     for name, actor in scenario.actors.items():
-        own = actor.route()
-        motions[name] = [(t, own.at(actor.travelled(t))) for t in times]
+        path = actor.route()
+        motions[name] = [(t, path.at(actor.travelled(t))) for t in times]
     if scenario.has_pedestrian:
         walking, shift = (float(concrete[name]) for name in WALK)
         motions["pedestrian"] = [(t, scenario.pedestrian_pose(t, walking, shift)) for t in times]

@@ -1,6 +1,9 @@
-"""Constraints of PICT models: IF, THEN, ELSE, AND, OR, NOT, IN, LIKE and comparisons, as expressions.
+"""Constraints of PICT models.
 
-PICT compares texts without regard to case, and numbers only where all values of a parameter are numbers.
+They combine comparisons with IF, THEN, ELSE, AND, OR, NOT, IN and LIKE.
+
+PICT compares texts without regard to case, and numbers only where all values of a parameter are
+numbers.
 """
 
 from __future__ import annotations
@@ -18,7 +21,8 @@ from pipeline.core.names import nearest
 from pipeline.core.space import Variable
 
 TOKEN = re.compile(
-    r"""(?P<name>\[(?:\\.|[^\]\\])*\])|(?P<text>"(?:\\.|[^"\\])*")|(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
+    r"""(?P<name>\[(?:\\.|[^\]\\])*\])|(?P<text>"(?:\\.|[^"\\])*")
+    |(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
     |(?P<sign><>|<=|>=|[=<>(){},;])|(?P<word>[A-Za-z]+)""",
     re.VERBOSE | re.ASCII,
 )
@@ -34,7 +38,12 @@ RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
 
 @dataclass(frozen=True)
 class Token:
-    """kind: name of the group in TOKEN, or 'end'. text: for a name or text without its marks; a word in capitals."""
+    """A token of a constraint.
+
+    Attributes:
+        kind: name of the group in TOKEN, or 'end'.
+        text: for a name or text without its marks; a word in capitals.
+    """
 
     kind: str
     text: str
@@ -42,19 +51,21 @@ class Token:
 
 
 def read_constraints(text: str, variables: Sequence[Variable]) -> list[Statement]:
-    """The constraints in a text whose lines are those of the file, empty where something else stands.
+    """The constraints in a text whose lines are those of the file, empty where something else
+    stands.
 
-    Raises ValueError that names the line and what was expected.
+    Raises:
+        ValueError: naming the line and what was expected.
     """
     parser = _Parser(_tokens(text), variables)
-    found = []
+    statements = []
     while parser.next.kind != "end":
         where = f"line {parser.next.line}"
         try:
-            found.append(Statement(where, parser.constraint()))
+            statements.append(Statement(where, parser.constraint()))
         except RecursionError:
             raise ValueError(f"{where}: nested too deeply") from None
-    return found
+    return statements
 
 
 def _tokens(text: str) -> list[Token]:
@@ -71,7 +82,8 @@ def _tokens(text: str) -> list[Token]:
             line, place = line + match[0].count("\n"), match.end()
         else:
             raise ValueError(
-                f"line {line}: expected a constraint, got {text[place : place + 20].splitlines()[0]!r}"
+                f"line {line}: expected a constraint, got "
+                f"{text[place : place + 20].splitlines()[0]!r}"
             )
     return [*tokens, Token("end", "the end", line)]
 
@@ -94,94 +106,95 @@ class _Parser:
 
     def constraint(self) -> Expression:
         if not self._word("IF"):
-            found = self._some()
+            constraint = self._some()
         else:
             condition = self._some()
             if not self._word("THEN"):
                 raise self._wrong("THEN")
-            found = Some((Not(condition), self._some()))
+            constraint = Some((Not(condition), self._some()))
             if self._word("ELSE"):
-                found = Every((found, Some((condition, self._some()))))
+                constraint = Every((constraint, Some((condition, self._some()))))
         self._sign(";")
-        return found
+        return constraint
 
     def _some(self) -> Expression:
-        parts = [self._every()]
-        while self._word("OR"):
-            parts.append(self._every())
-        return parts[0] if len(parts) == 1 else Some(tuple(parts))
+        return self._joined("OR", Some, lambda: self._joined("AND", Every, self._negated))
 
-    def _every(self) -> Expression:
-        parts = [self._negated()]
-        while self._word("AND"):
-            parts.append(self._negated())
-        return parts[0] if len(parts) == 1 else Every(tuple(parts))
+    def _joined(
+        self, word: str, join: type[Some] | type[Every], part: Callable[[], Expression]
+    ) -> Expression:
+        """One part, or several with a word between them."""
+        parts = [part()]
+        while self._word(word):
+            parts.append(part())
+        return parts[0] if len(parts) == 1 else join(tuple(parts))
 
     def _negated(self) -> Expression:
         if self._word("NOT"):
             return Not(self._negated())
         if self.next.text == "(" and self.next.kind == "sign":
             self._take()
-            found = self._some()
+            inside = self._some()
             self._sign(")")
-            return found
+            return inside
         return self._term()
 
     def _term(self) -> Expression:
         if self.next.kind == "word" and self.next.text in ("ISNEGATIVE", "ISPOSITIVE"):
             raise ValueError(
-                f"line {self.next.line}: {self.next.text} asks for negative values, which a space does not have"
+                f"line {self.next.line}: {self.next.text} asks for negative values, which a space "
+                "does not have"
             )
         variable = self._variable()
         negative = self._word("NOT")
         if self._word("IN"):
-            found = self._compared(variable, operator.contains, self._values(variable), swap=True)
+            self._sign("{")
+            values = [self._value(variable)]
+            while self.next.text == ",":
+                self._take()
+                values.append(self._value(variable))
+            self._sign("}")
+            term = self._compared(variable, lambda value, several: value in several, values)
         elif self._word("LIKE"):
-            found = self._like(variable)
+            term = self._like(variable)
         elif negative or self.next.text not in RELATIONS:
             raise self._wrong("IN or LIKE" if negative else "one of =, <>, <, <=, >, >=, IN, LIKE")
         else:
             relation = RELATIONS[self._take().text]
-            found = (
+            term = (
                 self._pair(variable, relation)
                 if self.next.kind == "name"
                 else self._compared(variable, relation, self._value(variable))
             )
-        return Not(found) if negative else found
+        return Not(term) if negative else term
 
     def _pair(self, first: int, relation: Callable[[Any, Any], Any]) -> Expression:
         line = self.next.line
         second = self._variable()
-        one, two = (comparable(self._variables[v].values) for v in (first, second))
-        if type(one[0]) is not type(two[0]):
+        these, those = (comparable(self._variables[v].values) for v in (first, second))
+        if type(these[0]) is not type(those[0]):
             names = f"[{self._variables[first].name}] and [{self._variables[second].name}]"
             raise ValueError(
-                f"line {line}: {names} cannot be compared: the values of one are numbers, of the other texts"
+                f"line {line}: {names} cannot be compared: the values of one are numbers, of the "
+                "other texts"
             )
         if first == second:
-            return rows_where((first,), (len(one),), lambda c: relation(one[c], one[c]))
+            return rows_where((first,), (len(these),), lambda c: relation(these[c], these[c]))
         return rows_where(
-            (first, second), (len(one), len(two)), lambda c, d: relation(one[c], two[d])
+            (first, second), (len(these), len(those)), lambda c, d: relation(these[c], those[d])
         )
 
     def _compared(
-        self, variable: int, relation: Callable[[Any, Any], Any], value: Any, swap: bool = False
+        self, variable: int, relation: Callable[[Any, Any], Any], value: Any
     ) -> Expression:
-        own = comparable(self._variables[variable].values)
-        return rows_where(
-            (variable,),
-            (len(own),),
-            lambda c: relation(value, own[c]) if swap else relation(own[c], value),
-        )
+        domain = comparable(self._variables[variable].values)
+        return rows_where((variable,), (len(domain),), lambda c: relation(domain[c], value))
 
     def _like(self, variable: int) -> Expression:
         values = self._variables[variable].values
         if self.next.kind != "text" or is_numeric(values):
-            raise self._wrong(
-                "LIKE to compare texts, not numbers"
-                if is_numeric(values)
-                else 'a pattern such as "FAT*"'
-            )
+            texts = "LIKE to compare texts, not numbers"
+            raise self._wrong(texts if is_numeric(values) else 'a pattern such as "FAT*"')
         parts = {"*": ".*", "?": "."}
         pattern = re.compile(
             "".join(parts.get(sign, re.escape(sign)) for sign in self._take().text.upper()),
@@ -191,22 +204,12 @@ class _Parser:
             (variable,), (len(values),), lambda c: pattern.fullmatch(values[c].upper())
         )
 
-    def _values(self, variable: int) -> list[Any]:
-        self._sign("{")
-        found = [self._value(variable)]
-        while self.next.text == ",":
-            self._take()
-            found.append(self._value(variable))
-        self._sign("}")
-        return found
-
     def _value(self, variable: int) -> Any:
-        own = self._variables[variable]
-        numeric = is_numeric(own.values)
+        compared = self._variables[variable]
+        numeric = is_numeric(compared.values)
         if self.next.kind != ("number" if numeric else "text"):
-            raise self._wrong(
-                f"a {'number' if numeric else 'text in double quotes'} to compare [{own.name}] with"
-            )
+            kind = "number" if numeric else "text in double quotes"
+            raise self._wrong(f"a {kind} to compare [{compared.name}] with")
         text = self._take().text
         return float(text) if numeric else text.upper()
 
@@ -215,9 +218,10 @@ class _Parser:
             raise self._wrong("a parameter such as [Size]")
         token = self._take()
         if token.text.upper() not in self._index:
-            known = [variable.name for variable in self._variables]
+            names = [variable.name for variable in self._variables]
             raise ValueError(
-                f"line {token.line}: there is no parameter [{token.text}]{nearest(token.text, known)}"
+                f"line {token.line}: there is no parameter "
+                f"[{token.text}]{nearest(token.text, names)}"
             )
         return self._index[token.text.upper()]
 

@@ -39,37 +39,34 @@ def _parameter(variable: Variable) -> str:
         same = False
     if not same:
         raise InputError(
-            f"{variable.name}: PICT cannot write this name or its values {', '.join(variable.labels)}"
+            f"{variable.name}: PICT cannot write this name or its values "
+            f"{', '.join(variable.labels)}"
         )
     return line
 
 
 def _constraint(space: Space, clause: Clause) -> str:
     parts = []
-    for variable, equal, literals in _grouped(clause):
-        own = space.variables[variable]
-        compared = comparable(category_names(own))
+    grouped: dict[tuple[int, bool], list[Literal]] = {}
+    for literal in clause:
+        grouped.setdefault((literal.variable, literal.equal), []).append(literal)
+    for (index, equal), literals in grouped.items():
+        variable = space.variables[index]
+        compared = comparable(category_names(variable))
         if len(set(compared)) < len(compared):
             raise InputError(
-                f"{own.name}: PICT treats some of the values {', '.join(own.labels)} as the same"
+                f"{variable.name}: PICT treats some of the values {', '.join(variable.labels)} as "
+                "the same"
             )
-        several = [category_names(own)[literal.category] for literal in literals]
+        several = [category_names(variable)[literal.category] for literal in literals]
         texts = (
             several
-            if is_numeric(category_names(own))
+            if is_numeric(category_names(variable))
             else ['"' + re.sub(r'(["\]\\])', r"\\\1", text) + '"' for text in several]
         )
-        name = "[" + re.sub(r'(["\]\\])', r"\\\1", own.name) + "]"
+        name = "[" + re.sub(r'(["\]\\])', r"\\\1", variable.name) + "]"
         if equal and len(texts) > 1:
             parts.append(f"{name} IN {{{', '.join(texts)}}}")
         else:
             parts += [f"{name} {'=' if equal else '<>'} {text}" for text in texts]
     return " OR ".join(parts) + ";"
-
-
-def _grouped(clause: Clause) -> list[tuple[int, bool, list[Literal]]]:
-    """The literals of a clause by variable and sign."""
-    found: dict[tuple[int, bool], list[Literal]] = {}
-    for literal in clause:
-        found.setdefault((literal.variable, literal.equal), []).append(literal)
-    return [(variable, equal, literals) for (variable, equal), literals in found.items()]

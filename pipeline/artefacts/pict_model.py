@@ -1,6 +1,7 @@
 """Models of PICT, Microsoft's tool for pairwise testing, as spaces.
 
-The format is that of PICT's public documentation: parameters, sub-models, constraints, in this order.
+The format is that of PICT's public documentation: parameters, sub-models, constraints, in this
+order.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from pipeline.errors import InputError
 
 SUB_MODEL = re.compile(r"\{.*\}")
 CONSTRAINT = re.compile(
-    r"IF|IF.*\[.*\].*|(NOT\b)?\s*\(?\s*\[.*\].*|\(.*\[.*\].*|(IF|NOT)?.*\bIS(NEG|POSI)ATIVE.*|IF\s*\(.*",
+    r"IF|IF.*\[.*\].*|(NOT\b)?\s*\(?\s*\[.*\].*|\(.*\[.*\].*|(IF|NOT)?.*\bIS(NEG|POSI)ATIVE.*"
+    r"|IF\s*\(.*",
     re.IGNORECASE,
 )
 """A line that begins the constraints."""
@@ -28,8 +30,11 @@ ORDER = re.compile(r".*@\s*\d+")
 def read_pict_model(path: Path) -> Space:
     """Read a PICT model.
 
-    The first name of a value is its category; its weight is the category's. Raises InputError that names the file, the line and what a
-    space cannot say: sub-models, negative values, result parameters, parameters with an order of their own.
+    The first name of a value is its category; its weight is the category's.
+
+    Raises:
+        InputError: naming the file, the line and what a space cannot say: sub-models, negative
+            values, result parameters, parameters with an order of their own.
     """
     return pict_space(read_text(path, "a PICT model"), str(path))
 
@@ -49,55 +54,53 @@ def pict_space(text: str, name: str) -> Space:
 
 def _parameters(lines: list[str]) -> tuple[list[Variable], int]:
     """The parameters, and the index of the first line of the constraints."""
-    found: dict[str, Variable] = {}
+    parameters: dict[str, Variable] = {}
+    start = len(lines)
     for index, line in enumerate(map(str.strip, lines)):
         if not line or line.startswith("#"):
             continue
         if SUB_MODEL.match(line):
-            _refuse(
+            _reject(
                 index,
-                f"the sub-model {line} has a strength of its own; a space has one for all, given by --strength",
+                f"the sub-model {line} has a strength of its own; a space has one for all, given "
+                "by --strength",
             )
         if CONSTRAINT.fullmatch(line):
-            return _some(found), index
-        variable = _parameter(index, line, found)
-        if variable.name.upper() in found:
-            _refuse(index, f"the parameter {variable.name} appears twice")
-        found[variable.name.upper()] = variable
-    return _some(found), len(lines)
-
-
-def _some(found: dict[str, Variable]) -> list[Variable]:
-    if not found:
+            start = index
+            break
+        variable = _parameter(index, line, parameters)
+        if variable.name.upper() in parameters:
+            _reject(index, f"the parameter {variable.name} appears twice")
+        parameters[variable.name.upper()] = variable
+    if not parameters:
         raise ValueError("expected parameters such as 'Size: 1, 2, 3', got none")
-    return list(found.values())
+    return list(parameters.values()), start
 
 
-def _parameter(index: int, line: str, known: dict[str, Variable]) -> Variable:
+def _parameter(index: int, line: str, parameters: dict[str, Variable]) -> Variable:
     name, sign, rest = line.partition(":" if ":" in line else ",")
     name = name.strip()
     if not sign or not name:
-        _refuse(index, f"expected a parameter such as 'Size: 1, 2, 3', got {line!r}")
+        _reject(index, f"expected a parameter such as 'Size: 1, 2, 3', got {line!r}")
     if name.startswith("$"):
-        _refuse(index, f"{name} is a result parameter, which a space does not have")
+        _reject(index, f"{name} is a result parameter, which a space does not have")
     if ORDER.fullmatch(name):
-        _refuse(
+        _reject(
             index,
-            f"the parameter {name} has a strength of its own; a space has one for all, given by --strength",
+            f"the parameter {name} has a strength of its own; a space has one for all, given by "
+            "--strength",
         )
     values: dict[str, int] = {}
     for text in map(str.strip, rest.split(",")):
-        reference = (
-            known.get(text[1:-1].strip().upper()) if text[:1] == "<" and text[-1:] == ">" else None
-        )
-        several = (
-            zip(reference.values, reference.weights, strict=True)
-            if reference
-            else [_value(index, text)]
-        )
-        for value, weight in several:
+        reference = None
+        if text[:1] == "<" and text[-1:] == ">":
+            reference = parameters.get(text[1:-1].strip().upper())
+        weighted = [_value(index, text)] if reference is None else []
+        if reference is not None:
+            weighted = list(zip(reference.values, reference.weights, strict=True))
+        for value, weight in weighted:
             if value in values:
-                _refuse(index, f"the value {value!r} of {name} appears twice")
+                _reject(index, f"the value {value!r} of {name} appears twice")
             values[value] = weight
     return Variable(name, "categorical", values=tuple(values), weights=tuple(values.values()))
 
@@ -108,14 +111,15 @@ def _value(index: int, text: str) -> tuple[str, int]:
     if (match := WEIGHT.fullmatch(text)) and int(match["weight"]) > 0:
         text, weight = match["value"].strip(), int(match["weight"])
     if weight > HEAVIEST:
-        _refuse(index, f"the weight of {text} must be at most {HEAVIEST}, got {weight}")
+        _reject(index, f"the weight of {text} must be at most {HEAVIEST}, got {weight}")
     if text.startswith("~"):
-        _refuse(
+        _reject(
             index,
-            f"{text} is a negative value, which a space does not have; remove it, or its ~ to count it as any other",
+            f"{text} is a negative value, which a space does not have; remove it, or its ~ to "
+            "count it as any other",
         )
     return text.split("|")[0].strip(), weight
 
 
-def _refuse(index: int, text: str) -> NoReturn:
+def _reject(index: int, text: str) -> NoReturn:
     raise ValueError(f"line {index + 1}: {text}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,13 @@ from pipeline.errors import InputError
 class PointTable:
     """The points of a table, which are read once, batch by batch.
 
-    rows, points, partial: number of rows so far, of those that keep the constraints, and of these without a category for some condition.
-    images: names of the rows, if they are images or sequences, which `kind` tells. unused: rows of the metadata that belong to no image.
+    Attributes:
+        rows: number of rows so far.
+        points: number of these that keep the constraints.
+        partial: number of these points without a category for some condition.
+        images: names of the rows, if they are images or sequences.
+        kind: what the names are of, "image" or "sequence".
+        unused: rows of the metadata that belong to no image.
     """
 
     images: tuple[str, ...] = ()
@@ -48,9 +54,13 @@ class PointTable:
         return tuple([fault for column in self._meanings for fault in column.faults()] + broken)
 
     def counting(self, strict: bool = False) -> Iterator[Ints]:
-        """(n, d) category indices of the rows that count, batch by batch: those that keep the constraints; -1 where there is no category.
+        """(n, d) category indices of the rows that count, batch by batch.
 
-        Raises InputError after the last batch: if there are rows and none counts, and, if strict, for an imperfect row.
+        These are the rows that keep the constraints; -1 where there is no category.
+
+        Raises:
+            InputError: after the last batch: if there are rows and none counts, and, if strict, for
+                an imperfect row.
         """
         for rows, keeps in self._read():
             yield rows if keeps.all() else rows[keeps]
@@ -66,7 +76,11 @@ class PointTable:
         return self._together(self.counting(strict=True))
 
     def complete(self) -> Ints:
-        """All rows, also those that break a constraint; InputError that names the first row without a category for each condition."""
+        """All rows, also those that break a constraint.
+
+        Raises:
+            InputError: naming the first row without a category for each condition.
+        """
         rows = self._together(rows for rows, _ in self._read())
         if faults := [fault for fault in self.faults if not fault.left_out]:
             raise InputError(f"{self.path}: {self.told(min(faults, key=_row))}")
@@ -97,7 +111,14 @@ class PointTable:
                 raise InputError(f"{self.path}: {error}") from error
             broken = broken_clauses(self._space.constraints, rows)
             keeps = broken < 0
-            self._note_broken(rows, broken)
+            for clause in map(int, np.unique(broken[broken >= 0])):
+                breaking = np.flatnonzero(broken == clause)
+                fault = self._broken.get(clause)
+                if fault is None:
+                    first = int(breaking[0])
+                    text = self._breaks(clause, rows[first])
+                    fault = Fault(text, self.rows + first, 0, left_out=True)
+                self._broken[clause] = replace(fault, rows=fault.rows + len(breaking))
             self.rows += len(rows)
             self.points += int(keeps.sum())
             self.partial += int(((rows < 0).any(axis=1) & keeps).sum())
@@ -105,48 +126,37 @@ class PointTable:
         if not (self.rows or self._empty):
             raise InputError(f"{self.path}: expected points, got an empty table")
 
-    def _note_broken(self, rows: Ints, broken: Ints) -> None:
-        """A fault for each clause that rows break; broken: as `broken_clauses` gives it."""
-        for clause in map(int, np.unique(broken[broken >= 0])):
-            found = np.flatnonzero(broken == clause)
-            known = self._broken.get(clause)
-            if known is None:
-                known = Fault(
-                    self._breaks(clause, rows[found[0]]),
-                    self.rows + int(found[0]),
-                    0,
-                    left_out=True,
-                )
-            self._broken[clause] = replace(known, rows=known.rows + len(found))
-
     def _breaks(self, clause: int, row: Ints) -> str:
-        space = self._space
-        which = (
-            f"constraint '{space.clause(clause)}'"
-            if clause < len(space.constraints.clauses)
-            else "constraints together"
-        )
-        known = [(v, c) for v, c in zip(space.variables, row, strict=True) if c >= 0]
-        where = ", ".join(
-            f"{variable.name} = {variable.labels[category]}" for variable, category in known
-        )
-        return f"breaks the {which}: {where}"
+        """What a row of categories breaks, and its values."""
+        space, which = self._space, "constraints together"
+        if clause < len(space.constraints.clauses):
+            which = f"constraint '{space.clause(clause)}'"
+        values = []
+        for variable, category in zip(space.variables, row, strict=True):
+            if category >= 0:
+                values.append(f"{variable.name} = {variable.labels[category]}")
+        return f"breaks the {which}: {', '.join(values)}"
 
 
-def _row(fault: Fault) -> int:
-    return fault.row
+_row = attrgetter("row")
 
 
 def read_points(
     path: Path, space: Space, *, metadata: Path | None = None, empty: bool = False
 ) -> PointTable:
-    """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI, nuScenes or OpenLABEL.
+    """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO,
+    KITTI, nuScenes or OpenLABEL.
 
-    Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what the data set itself says, such as
-    `objects`, the number of annotations. Of a space of sequences, a table may hold frames. Other columns are ignored. empty: whether a
-    table without rows is allowed.
+    Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what
+    the data set itself says, such as `objects`, the number of annotations. Of a space of sequences,
+    a table may hold frames. Other columns are ignored.
 
-    Raises InputError, here or from the batches, that names the file and what is wrong with the table as a whole.
+    Args:
+        empty: whether a table without rows is allowed.
+
+    Raises:
+        InputError: here or from the batches, that names the file and what is wrong with the table
+            as a whole.
     """
     if path.is_dir() or path.suffix.lower() == ".json":
         images = read_images(path, metadata, space)
@@ -168,13 +178,16 @@ def read_points(
 
 
 def _sequences(path: Path, space: SequenceSpace, empty: bool) -> PointTable:
-    """The sequences of a table of frames. Frames that break no rule count, whatever else is wrong with them."""
+    """The sequences of a table of frames.
+
+    Frames that break no rule count, whatever else is wrong with them.
+    """
     columns = [*space.frames.names, space.time, *([space.sequence] if space.sequence else [])]
-    opened, read = (
-        _opened(path, columns),
-        lambda frames, batches: PointTable(path, frames, batches, empty).known(),
-    )
-    points, names = sequences(path, space, opened, read)
+
+    def categories(frames: Space, batches: Iterator[Any]) -> Ints:
+        return PointTable(path, frames, batches, empty).known()
+
+    points, names = sequences(path, space, _opened(path, columns), categories)
     table = PointTable(path, space, iter([points]), empty)
     table.images, table.kind = names, "sequence"
     return table
@@ -190,15 +203,18 @@ def _opened(path: Path, columns: Sequence[str]) -> Iterator[Any]:
 
 
 def _check_columns(
-    path: Path, wanted: Sequence[str], found: Sequence[str], header: Sequence[str]
+    path: Path, wanted: Sequence[str], columns: Sequence[str], header: Sequence[str]
 ) -> None:
-    if missing := [name for name in wanted if name not in found]:
-        known = ", ".join(header)
+    if missing := [name for name in wanted if name not in columns]:
         raise InputError(
-            f"{path}: expected a column for each condition; there is none for {', '.join(missing)}, only {known}"
+            f"{path}: expected a column for each condition; there is none for "
+            f"{', '.join(missing)}, only {', '.join(header)}"
         )
 
 
 def write_points(path: Path, space: Space, points: Ints) -> None:
-    """Write (n, d) category indices as CSV or parquet; the header holds the variables' names, the cells the categories' names."""
+    """Write (n, d) category indices as CSV or parquet.
+
+    The header holds the variables' names, the cells the categories' names.
+    """
     write_table(path, space.names, [list(names.values()) for names in space.names_of(points)])

@@ -10,12 +10,17 @@ from pipeline.errors import InputError
 
 
 def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
-    """Points (n, d) of the rows of tests.parquet; InputError that names a test outside the space or one that breaks a constraint."""
+    """Points (n, d) of the rows of tests.parquet.
+
+    Raises:
+        InputError: naming a test outside the space or one that breaks a constraint.
+    """
     points = np.empty((len(tests), len(space)))
     for column, variable in enumerate(space.variables):
         if variable.name not in tests:
             raise InputError(
-                f"tests have no column '{variable.name}', which the scenario space has; make the campaign again"
+                f"tests have no column '{variable.name}', which the scenario space has; make the "
+                "campaign again"
             )
         for row, value in enumerate(tests[variable.name]):
             try:
@@ -33,9 +38,8 @@ def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
 
 def concrete(test: pd.Series, space: Space) -> dict[str, Value]:
     """The concrete scenario of one row of tests.parquet: variable -> value in its unit."""
-    return {
-        variable.name: str(test[variable.name])
-        if variable.kind == "categorical"
-        else float(test[variable.name])
-        for variable in space.variables
-    }
+    values: dict[str, Value] = {}
+    for variable in space.variables:
+        value = test[variable.name]
+        values[variable.name] = str(value) if variable.kind == "categorical" else float(value)
+    return values

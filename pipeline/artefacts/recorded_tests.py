@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -23,14 +24,15 @@ def recorded(folders: Folders, test: str) -> pd.Series:
     if not campaign:
         raise InputError(f"expected a test such as F1-forest-base-0-00012, got '{test}'")
     if campaign not in tables:
-        own = _own_params(campaign)
-        hint = f"; choose its study: --params {' or '.join(map(str, own))}" if own else ""
+        params = _own_params(campaign)
+        hint = f"; choose its study: --params {' or '.join(map(str, params))}" if params else ""
         if not tables and not hint:
             raise InputError(
                 f"study {folders.config.study} has no executed campaign here; make it with ./run"
             )
         raise InputError(
-            f"study {folders.config.study} has no campaign '{campaign}'{hint or nearest(campaign, list(tables))}"
+            f"study {folders.config.study} has no campaign "
+            f"'{campaign}'{hint or nearest(campaign, list(tables))}"
         )
     table = read_tests(tables[campaign]).set_index("test_id", drop=False)
     if test not in table.index:
@@ -46,25 +48,27 @@ def recorded(folders: Folders, test: str) -> pd.Series:
 
 
 def params_of(test: str, params: Path) -> Path:
-    """The configuration of the study that has executed a test: `params`, unless exactly one study with a params.yaml of its own, as
-    `test-detector` makes them, has."""
+    """The configuration of the study that has executed a test.
+
+    It is `params`, unless exactly one study with its own params.yaml, as `test-detector` makes
+    them, has executed it.
+    """
     campaign = test.rpartition("-")[0]
     if params.is_file() and campaign in campaigns(Folders(load(params))):
         return params
-    own = _own_params(campaign)
-    return own[0] if len(own) == 1 else params
+    candidates = _own_params(campaign)
+    return candidates[0] if len(candidates) == 1 else params
 
 
 def _own_params(campaign: str) -> list[Path]:
     """The params.yaml of every study with one of its own that has executed a campaign."""
 
-    def executed(params: Path) -> bool:
-        try:
-            return campaign in campaigns(Folders(load(params)))
-        except InputError:  # Another study's damage does not matter here.
-            return False
-
-    return [path for path in sorted(DATA.glob("*/params.yaml")) if executed(path)]
+    matching = []
+    for path in sorted(DATA.glob("*/params.yaml")):
+        with suppress(InputError):  # Another study's damage does not matter here.
+            if campaign in campaigns(Folders(load(path))):
+                matching.append(path)
+    return matching
 
 
 def campaigns(folders: Folders) -> Mapping[str, Path]:
@@ -80,13 +84,18 @@ def campaigns(folders: Folders) -> Mapping[str, Path]:
 
 
 def tables_below(folders: Sequence[Path]) -> list[Path]:
-    """Every tests.parquet below some folders, sorted; InputError for a folder without one. A campaign has the tests of its shards."""
-    found = {
-        one: [
-            path for path in one.rglob("tests.parquet") if SHARDS not in path.relative_to(one).parts
-        ]
-        for one in folders
-    }
-    if empty := [str(folder) for folder, paths in found.items() if not paths]:
+    """Every tests.parquet below some folders, sorted; InputError for a folder without one.
+
+    The shards of a campaign are left out: the campaign has their tests.
+    """
+    tables: set[Path] = set()
+    empty = []
+    for folder in folders:
+        below = folder.rglob("tests.parquet")
+        whole = [path for path in below if SHARDS not in path.relative_to(folder).parts]
+        tables.update(whole)
+        if not whole:
+            empty.append(str(folder))
+    if empty:
         raise InputError(f"{', '.join(empty)}: expected campaigns, found no tests.parquet")
-    return sorted({path for paths in found.values() for path in paths})
+    return sorted(tables)

@@ -1,4 +1,6 @@
-"""regions/<version>/<scenario>.json: failure regions, their confirmation by fresh tests, and why their failures fail."""
+"""regions/<version>/<scenario>.json: failure regions, their confirmation by fresh tests, and why
+their failures fail.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,10 @@ Role = Literal["medoid", "worst", "furthest"]
 
 
 class Representative(Result):
-    """A test that represents a region: its medoid, its worst failure or the failure furthest from the medoid."""
+    """A test that represents a region.
+
+    It is the medoid, the worst failure or the failure furthest from the medoid.
+    """
 
     test_id: str
     role: Role
@@ -22,8 +27,14 @@ class Representative(Result):
 
 
 class RuleCondition(Result):
-    """A condition of a rule for programs. low, high: in the variable's unit, for a numeric variable; low > high wraps around the end of a
-    cyclic one. values: that a categorical variable may have. text: as it stands in the rule."""
+    """A condition of a rule for programs.
+
+    Attributes:
+        low, high: in the variable's unit, for a numeric variable; low > high wraps around the end
+            of a cyclic one.
+        values: that a categorical variable may have.
+        text: as it stands in the rule.
+    """
 
     variable: str
     text: str
@@ -33,8 +44,13 @@ class RuleCondition(Result):
 
 
 class Fresh(Result):
-    """Fresh random tests. failures: of the `tests` without an error. errors: tests that ended in an error, in neither number.
-    rate: failures per test with its exact interval (Clopper-Pearson); null without tests."""
+    """Fresh random tests.
+
+    Attributes:
+        failures: of the `tests` without an error.
+        errors: tests that ended in an error, in neither number.
+        rate: failures per test with its exact interval (Clopper-Pearson); null without tests.
+    """
 
     tests: int
     failures: int
@@ -43,8 +59,13 @@ class Fresh(Result):
 
 
 class Confirmation(Result):
-    """Fresh random tests inside and just outside a rule. confidence: of each rate's interval. p_value: chance of at least so many failures
-    inside if both failure rates were equal (Fisher's exact test, one-sided)."""
+    """Fresh random tests inside and just outside a rule.
+
+    Attributes:
+        confidence: of each rate's interval.
+        p_value: chance of at least so many failures inside if both failure rates were equal
+            (Fisher's exact test, one-sided).
+    """
 
     confidence: float
     inside: Fresh
@@ -53,9 +74,16 @@ class Confirmation(Result):
 
 
 class Repair(Result):
-    """A single change of a region's failures and what it repairs. change: in words. values: new values by variable. without: actors that
-    are removed. repaired: failures, of `tests`, that pass with the change. errors: executions that broke, in neither number. rate: repaired
-    per test with its exact interval (Clopper-Pearson); null without tests."""
+    """A single change of a region's failures and what it repairs.
+
+    Attributes:
+        change: in words.
+        values: new values by variable.
+        without: actors that are removed.
+        repaired: failures, of `tests`, that pass with the change.
+        errors: executions that broke, in neither number.
+        rate: repaired per test with its exact interval (Clopper-Pearson); null without tests.
+    """
 
     change: str
     values: dict[str, float | str]
@@ -67,12 +95,16 @@ class Repair(Result):
 
 
 class Seen(Result):
-    """What the camera saw in a region's failures. in_sight, detected: of `failures`, those in which a person could make out the pedestrian,
-    and those in which the detector found the pedestrian.
+    """What the camera saw in a region's failures.
 
-    Medians; null if nothing counts. First sight: over the failures with the pedestrian in sight. First detection, and the delay from first
-    sight until then: over those with both. Last chance: over those with a last frame from which full braking stops the ego in time.
-    Distances are to the conflict point.
+    All are medians; null if nothing counts. First sight: over the failures with the pedestrian in
+    sight. First detection, and the delay from first sight until then: over those with both. Last
+    chance: over those with a last frame from which full braking stops the ego in time. Distances
+    are to the conflict point.
+
+    Attributes:
+        in_sight, detected: of `failures`, those in which a person could make out the pedestrian,
+            and those in which the detector found the pedestrian.
     """
 
     failures: int
@@ -88,9 +120,15 @@ class Seen(Result):
 
 
 class Why(Result):
-    """Why a region's failures fail. sentence: all below in plain words. confidence: of each rate's interval. repairs: single changes, those
-    that repair most first, then clear weather as a whole. control: the same with other noise alone. Without executed changes, there are no
-    repairs and no control."""
+    """Why a region's failures fail.
+
+    Attributes:
+        sentence: all below in plain words.
+        confidence: of each rate's interval.
+        repairs: single changes, those that repair most first, then clear weather as a whole.
+        control: the same with other noise alone. Without executed changes, there are no repairs and
+            no control.
+    """
 
     sentence: str
     seen: Seen
@@ -102,14 +140,20 @@ class Why(Result):
 class FailureRegion(Result):
     """One group of failures with its readable rule.
 
-    cause: why its failures failed, see `pipeline.core.causes`, or `mixed`. support: tests inside the rule; failures_inside: those that
-    failed, from whatever cause; precision: their ratio. It has no interval: adaptive strategies gather their tests where failures are, and
-    the rule is fitted to these tests, so they are no independent samples. lift: precision divided by the failure rate of all tests.
-    recall: share of the region's members that the rule covers. held_back: tests inside rules that are fitted without these tests, each in
-    turn. status: a rule is confirmed if fresh random tests inside it fail more often than those just outside; the tests that it was found
-    from never confirm it. confirmation: these fresh tests, null if none were executed. why: what repairs its failures and what the camera
-    saw. groups: named groups, such as `children`, to which
-    every test inside the rule belongs.
+    Attributes:
+        cause: why its failures failed, see `pipeline.core.causes`, or `mixed`.
+        support: tests inside the rule.
+        failures_inside: those that failed, from whatever cause.
+        precision: their ratio. It has no interval: adaptive strategies gather their tests where
+            failures are, and the rule is fitted to these tests, so they are no independent samples.
+        lift: precision divided by the failure rate of all tests.
+        recall: share of the region's members that the rule covers.
+        held_back: tests inside rules that are fitted without these tests, each in turn.
+        status: a rule is confirmed if fresh random tests inside it fail more often than those just
+            outside; the tests that it was found from never confirm it.
+        confirmation: these fresh tests, null if none were executed.
+        why: what repairs its failures and what the camera saw.
+        groups: named groups, such as `children`, to which every test inside the rule belongs.
     """
 
     name: str
@@ -133,10 +177,14 @@ class FailureRegion(Result):
 
 
 class FailureRegions(Result):
-    """Failure regions of one search scenario over all its campaigns; `isolated` failures are in none of them.
+    """Failure regions of one search scenario over all its campaigns.
 
-    connected: number of connected failure sets on the categories (Def. 4.19). not_solvable: failures that no detector could avoid with this
-    camera: full braking from the first frame in which a person could see the pedestrian would have come too late.
+    `isolated` failures are in none of them.
+
+    Attributes:
+        connected: number of connected failure sets on the categories (Def. 4.19).
+        not_solvable: failures that no detector could avoid with this camera: full braking from the
+            first frame in which a person could see the pedestrian would have come too late.
     """
 
     scenario: str

@@ -1,7 +1,8 @@
 """The base of all result files, and how they are written and read.
 
-Each file is one frozen model; `read` and `write` check it, so truncated, foreign and outdated files are refused by name. Numbers that do
-not exist (the F-measure of a campaign without failures) are null, never NaN.
+Each file is one frozen model; `read` and `write` check it, so truncated, foreign and outdated files
+are rejected by name. Numbers that do not exist (the F-measure of a campaign without failures) are
+null, never NaN.
 """
 
 from __future__ import annotations

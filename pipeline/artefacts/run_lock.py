@@ -15,10 +15,11 @@ HELD = "BLINDSPOT_LOCK_HELD"
 
 
 def hold(name: str) -> tuple[int, ...]:
-    """Wait for the run at work in this folder, say who it is, and keep others out until this process ends.
+    """Wait for the run at work in this folder, say who it is, and keep others out until this
+    process ends.
 
-    Returns the file handles for `pass_fds` of a process that this one starts: the lock then lasts until both have ended. There are none if
-    the process that started this one holds the lock.
+    Returns the file handles for `pass_fds` of a process that this one starts: the lock then lasts
+    until both have ended. There are none if the process that started this one holds the lock.
     """
     if os.environ.get(HELD) == os.getcwd():
         return ()

@@ -17,10 +17,12 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class ScenarioInfo:
-    """The functional scenario of a space. pairs: feasible pairs of categories, which pair coverage counts.
+    """The functional scenario of a space.
 
-    town, people: fingerprints of its town and of its population, empty if it has none. asks_to_brake: whether a pedestrian
-    crosses the ego's path.
+    Attributes:
+        pairs: feasible pairs of categories, which pair coverage counts.
+        town, people: fingerprints of its town and of its population, empty if it has none.
+        asks_to_brake: whether a pedestrian crosses the ego's path.
     """
 
     name: str
@@ -65,20 +67,23 @@ def plain_space(space: Space) -> dict[str, Any]:
 
 
 def space_of(described: Mapping[str, Any]) -> Space:
-    """The space of plain data as from `plain_space`; KeyError, TypeError, ValueError or AttributeError for other data."""
+    """The space of plain data as from `plain_space`.
+
+    Other data raises KeyError, TypeError, ValueError or AttributeError.
+    """
     return Space.from_dict(described["variables"], described.get("constraints", ()))
 
 
 def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
     """Read a space; InputError that names the file if it is missing, truncated or not a space."""
-    found = read_json(path)
+    plain = read_json(path)
     try:
-        if found["format"] != FORMAT:
-            raise ValueError(f"format must be {FORMAT}, got {found['format']!r}")
+        if plain["format"] != FORMAT:
+            raise ValueError(f"format must be {FORMAT}, got {plain['format']!r}")
         named = (
-            found[key] for key in ("scenario", "label", "description", "pairs", "town", "people")
+            plain[key] for key in ("scenario", "label", "description", "pairs", "town", "people")
         )
-        return ScenarioInfo(*named, asks_to_brake=found["asks_to_brake"]), space_of(found)
+        return ScenarioInfo(*named, asks_to_brake=plain["asks_to_brake"]), space_of(plain)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"{path}: expected a scenario space, got {error!r}; make it again with define-space"

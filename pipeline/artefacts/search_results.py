@@ -7,8 +7,13 @@ from pipeline.artefacts.results import Estimate, Result
 
 
 class BaseRate(Result):
-    """How often a version fails in the independent tests of a search scenario, over all seeds: those of a random strategy, or else of the
-    audit. rate: failures of `tests` without an error, with its exact interval (Clopper-Pearson)."""
+    """How often a version fails in the independent tests of a search scenario, over all seeds.
+
+    These are the tests of a random strategy, or else of the audit.
+
+    Attributes:
+        rate: failures of `tests` without an error, with its exact interval (Clopper-Pearson).
+    """
 
     scenario: str
     version: str
@@ -21,11 +26,15 @@ class BaseRate(Result):
 class CampaignMeasures(Result):
     """Measures of one campaign; an error counts as executed, never as a failure.
 
-    theta: cumulative failures after each test (Eq. 4.17). f_measure, f_n: tests until the first and until the n-th failure (Eq. 4.18,
-    4.19), where n is the number of failures that random testing found in the budget (1 if it found none), and f_n_baseline the number of
-    tests that it needed; f_measure and f_n are null if the campaign found fewer failures. c_measure: Eq. 4.20, against the baseline
-    campaign of the same scenario and seed; `c_measure_assumed` if Eq. 6.2's assumption replaces the baseline's first failure; null for
-    the baseline, and if the strategy did not find n failures. Coverages in [0, 1].
+    Attributes:
+        theta: cumulative failures after each test (Eq. 4.17).
+        f_measure, f_n: tests until the first and until the n-th failure (Eq. 4.18, 4.19), where n
+            is the number of failures that random testing found in the budget (1 if it found none),
+            and f_n_baseline the number of tests that it needed; f_measure and f_n are null if the
+            campaign found fewer failures.
+        c_measure: Eq. 4.20, against the baseline campaign of the same scenario and seed;
+            `c_measure_assumed` if Eq. 6.2's assumption replaces the baseline's first failure; null
+            for the baseline, and if the strategy did not find n failures. Coverages in [0, 1].
     """
 
     scenario: str
@@ -53,11 +62,14 @@ class CampaignMeasures(Result):
 class StrategyMeasures(Result):
     """Means over the seeds of one scenario and strategy, with Student's intervals.
 
-    rate: failures per valid test. If the strategy draws independent samples, all tests are pooled and the interval is exact; the tests
-    of other strategies depend on each other, so theirs is Student's over the campaigns' rates. f_measure, c_measure: Kaplan-Meier
-    estimates of the restricted mean, because a campaign without its first, or n-th, failure is right-censored at its last test;
-    `f_measure_censored` and `c_measure_censored` campaigns are. See `pipeline.core.statistics.censored_mean`. c_measure is null for the
-    baseline.
+    Attributes:
+        rate: failures per valid test. If the strategy draws independent samples, all tests are
+            pooled and the interval is exact; the tests of other strategies depend on each other, so
+            theirs is Student's over the campaigns' rates.
+        f_measure, c_measure: Kaplan-Meier estimates of the restricted mean, because a campaign
+            without its first, or n-th, failure is right-censored at its last test;
+            `f_measure_censored` and `c_measure_censored` campaigns are. See
+            `pipeline.core.statistics.censored_mean`. c_measure is null for the baseline.
     """
 
     scenario: str
@@ -81,8 +93,13 @@ class StrategyMeasures(Result):
 
 
 class Measures(Result):
-    """All search campaigns measured. confidence: of every interval. audit: failure rates without bias, which no adaptive test enters.
-    no_braking: scenarios in which the right answer is not to brake."""
+    """All search campaigns measured.
+
+    Attributes:
+        confidence: of every interval.
+        audit: failure rates without bias, which no adaptive test enters.
+        no_braking: scenarios in which the right answer is not to brake.
+    """
 
     confidence: float
     baseline: str

@@ -1,4 +1,7 @@
-"""The parts of a space file whose points are sequences of frames: `sequences`, `frames` and the rules among `variables`."""
+"""The parts of a space file whose points are sequences of frames.
+
+These are `sequences`, `frames` and the rules among `variables`.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,9 @@ def is_rule(body: Any) -> bool:
 
 
 def read_columns(plain: Any) -> tuple[str, str | None]:
-    """The columns of a table of frames that hold the time and, if it has several sequences, the name of a frame's sequence."""
+    """The columns of a table of frames that hold the time and, if it has several sequences, the
+    name of a frame's sequence.
+    """
     if not isinstance(plain, Mapping) or not isinstance(plain.get("time"), str):
         raise ValueError(
             f"sequences: expected the column of the time, as in {EXAMPLE}; got {shown(plain)}"
@@ -44,14 +49,19 @@ def sequence_space(
     rules: Mapping[str, Rule],
     columns: tuple[str, str | None],
 ) -> SequenceSpace:
-    """A space whose variables are computed by rules, or stay the same over a sequence. frames: the variables of a frame alone."""
+    """A space whose variables are computed by rules, or stay the same over a sequence.
+
+    Args:
+        frames: the variables of a frame alone.
+    """
     # A table that has both names would be one of frames and one of points.
     if both := [variable.name for variable in frames if variable.name in rules]:
         raise ValueError(
-            f"variables.{both[0]}: expected another name, because a condition of frames has this one"
+            f"variables.{both[0]}: expected another name, because a condition of frames has this "
+            "one"
         )
     steady = tuple(variable for variable in space.variables if variable.name not in rules)
-    one = Space((*frames, *steady))
+    joined = Space((*frames, *steady))
     lasting = {
         variable.name: Throughout(len(frames) + place, variable.labels)
         for place, variable in enumerate(steady)
@@ -61,7 +71,7 @@ def sequence_space(
         space.variables,
         space.clauses,
         space.extras,
-        frames=one,
+        frames=joined,
         rules={**rules, **lasting},
         time=time,
         sequence=sequence,
@@ -71,31 +81,31 @@ def sequence_space(
 def read_rule(key: str, body: Mapping[str, Any], frames: Space) -> Rule:
     """A rule over the variables of a frame; ValueError that names what is wrong."""
     kind = next(name for name in RULES if name in body)
-    for known in body:
-        if known not in (*RULES[kind], "weights"):
-            raise ValueError(f"unknown key '{key}.{known}'{nearest(str(known), RULES[kind])}")
+    for name in body:
+        if name not in (*RULES[kind], "weights"):
+            raise ValueError(f"unknown key '{key}.{name}'{nearest(str(name), RULES[kind])}")
     if kind == "course":
         return Course(_with_cuts(f"{key}.course", body["course"], frames))
     if kind == "order":
         both = body["order"]
         if not isinstance(both, list) or len(both) != 2:
             raise ValueError(
-                f"{key}.order: expected two conditions, as in [brake = on, pedestrian = visible], got {shown(both)}"
+                f"{key}.order: expected two conditions, as in [brake = on, pedestrian = visible], "
+                f"got {shown(both)}"
             )
         return Order(*(_condition(f"{key}.order", text, frames) for text in both))
-    within_s = _seconds(f"{key}.within", body["within"]) if "within" in body else inf
+    within_s = inf
+    if "within" in body:
+        with suppress(ValueError, TypeError):
+            within_s = float(body["within"])
+        if not 0 < within_s < inf:
+            text = shown(body["within"])
+            raise ValueError(f"{key}.within: expected seconds above 0, got {text}")
     return Then(
         _condition(f"{key}.first", body["first"], frames),
         _condition(f"{key}.then", body.get("then"), frames),
         within_s,
     )
-
-
-def _seconds(key: str, text: Any) -> float:
-    with suppress(ValueError, TypeError):
-        if 0 < float(text) < inf:
-            return float(text)
-    raise ValueError(f"{key}: expected seconds above 0, got {shown(text)}")
 
 
 def _condition(key: str, text: Any, frames: Space) -> Condition:
@@ -110,14 +120,16 @@ def _condition(key: str, text: Any, frames: Space) -> Condition:
 
 
 def _with_cuts(key: str, name: Any, frames: Space) -> int:
-    found = [i for i, variable in enumerate(frames.variables) if variable.name == name]
-    if not found:
+    if name not in frames.names:
         raise ValueError(
-            f"{key}: there is no condition of frames {shown(name)}{nearest(str(name), frames.names)}"
+            f"{key}: there is no condition of frames "
+            f"{shown(name)}{nearest(str(name), frames.names)}"
         )
-    variable = frames.variables[found[0]]
+    index = frames.names.index(name)
+    variable = frames.variables[index]
     if variable.kind == "categorical" or variable.cyclic or not variable.cuts:
         raise ValueError(
-            f"{key}: expected a condition with an interval and cuts, which are what a course passes; {name} has none"
+            f"{key}: expected a condition with an interval and cuts, which are what a course "
+            f"passes; {name} has none"
         )
-    return found[0]
+    return index

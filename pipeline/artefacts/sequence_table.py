@@ -1,4 +1,7 @@
-"""Tables of frames with times: each sequence becomes one row, with the categories that the rules of a space compute from it."""
+"""Tables of frames with times.
+
+Each sequence becomes one row, with the categories that the rules of a space compute from it.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import pyarrow as pa
 
 from pipeline.artefacts.table_categories import numbers_of
 from pipeline.core.sequences import Frames, SequenceSpace
-from pipeline.core.space import Floats, Ints, Space
+from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 
 WHOLE = "the table"
@@ -23,38 +26,37 @@ Rows = Callable[[Space, Iterator[Any]], Ints]
 def sequences(
     path: Path, space: SequenceSpace, batches: Iterator[Any], rows: Rows
 ) -> tuple[Any, tuple[str, ...]]:
-    """A table of the names of each sequence's categories, null for an unknown one, and the sequences' names in the order of the table.
+    """A table of the names of each sequence's categories, null for an unknown one, and the
+    sequences' names in the order of the table.
 
-    Raises InputError that names the file: for a frame without a time or a sequence, and for two frames of one sequence at the same time.
+    Raises:
+        InputError: naming the file: for a frame without a time or a sequence, and for two frames of
+            one sequence at the same time.
     """
     times, names = [np.zeros(0)], [pa.array([], pa.string())]
 
     def noted() -> Iterator[Any]:
         for batch in batches:
-            times.append(_times(path, space.time, batch.column(space.time)))
-            names.append(_names(batch, space.sequence))
+            try:
+                times.append(numbers_of(space.time, batch.column(space.time)))
+            except ValueError as error:
+                raise InputError(f"{path}: {error}") from error
+            if space.sequence is None:
+                names.append(pa.array([WHOLE] * batch.num_rows, pa.string()))
+            else:
+                column = batch.column(space.sequence).cast(pa.string())
+                names.append(column.combine_chunks())
             yield batch
 
     categories = rows(space.frames, noted())
-    found, sequence = _numbered(path, space, pa.concat_arrays(names))
-    frames = _in_order(path, found, Frames(categories, np.concatenate(times), sequence, len(found)))
-    points = space.points(frames)
-    return pa.table(
-        {v.name: _labels(v.labels, points[:, i]) for i, v in enumerate(space.variables)}
-    ), found
-
-
-def _times(path: Path, name: str, column: Any) -> Floats:
-    try:
-        return numbers_of(name, column)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
-
-
-def _names(batch: Any, sequence: str | None) -> Any:
-    if sequence is None:
-        return pa.array([WHOLE] * batch.num_rows, pa.string())
-    return batch.column(sequence).cast(pa.string()).combine_chunks()
+    distinct, sequence = _numbered(path, space, pa.concat_arrays(names))
+    unordered = Frames(categories, np.concatenate(times), sequence, len(distinct))
+    points = space.points(_in_order(path, distinct, unordered))
+    columns = {}
+    for variable, column in zip(space.variables, points.T, strict=True):
+        places = pa.array(column, mask=column < 0)
+        columns[variable.name] = pa.array(variable.labels, pa.string()).take(places)
+    return pa.table(columns), distinct
 
 
 def _numbered(path: Path, space: SequenceSpace, names: Any) -> tuple[tuple[str, ...], Ints]:
@@ -71,7 +73,8 @@ def _numbered(path: Path, space: SequenceSpace, names: Any) -> tuple[tuple[str, 
 def _in_order(path: Path, names: Sequence[str], frames: Frames) -> Frames:
     if len(wrong := np.flatnonzero(~np.isfinite(frames.time_s))):
         raise InputError(
-            f"{path}: row {int(wrong[0]) + 1}: expected a time, as a number of seconds or a timestamp"
+            f"{path}: row {int(wrong[0]) + 1}: expected a time, as a number of seconds or a "
+            "timestamp"
         )
     order = np.lexsort((frames.time_s, frames.sequence))
     time_s, sequence = frames.time_s[order], frames.sequence[order]
@@ -82,7 +85,3 @@ def _in_order(path: Path, names: Sequence[str], frames: Frames) -> Frames:
             f"{path}: two frames of {names[int(sequence[at])]} have the time {time_s[at]:.15g}"
         )
     return Frames(frames.categories[order], time_s, sequence, frames.count)
-
-
-def _labels(labels: Sequence[str], column: Ints) -> Any:
-    return pa.array(labels, pa.string()).take(pa.array(column, mask=column < 0))

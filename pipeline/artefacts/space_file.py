@@ -1,4 +1,6 @@
-"""Space files: operating conditions with their weights and constraints in YAML, for the `coverage` commands."""
+"""Space files: operating conditions with their weights and constraints in YAML, for the `coverage`
+commands.
+"""
 
 from __future__ import annotations
 
@@ -23,17 +25,25 @@ from pipeline.errors import InputError
 
 PARTS = ("variables", "constraints", "planes", "combinations", *sequence_space.PARTS)
 KEYS = ("values", "interval", "cuts", "cyclic", "unit", "weights")
-EXAMPLE = "weather: {values: [sunny, rainy], weights: {rainy: 3}} or fog: {interval: [0, 100], cuts: [20, 50]}"
-CONSTRAINT = "a text such as 'if fog >= 50 then lights in {on, low}' or a clause such as [lanes = 2, current_lane != 2]"
+EXAMPLE = (
+    "weather: {values: [sunny, rainy], weights: {rainy: 3}} or "
+    "fog: {interval: [0, 100], cuts: [20, 50]}"
+)
+CONSTRAINT = (
+    "a text such as 'if fog >= 50 then lights in {on, low}' or "
+    "a clause such as [lanes = 2, current_lane != 2]"
+)
 MOST_CATEGORIES = 5000
-"""Largest number of values of one variable: more usually means an identifier, or a measurement that needs cuts."""
+"""Largest number of values of one variable: more usually means an identifier, or a measurement that
+needs cuts."""
 
 
 def read_space_file(path: Path) -> Space:
     """Read a space file.
 
-    Raises InputError that names the file and the key: for a missing, wrong, unknown or repeated key, and for contradictory constraints,
-    with as few clauses as contradict each other.
+    Raises:
+        InputError: naming the file and the key: for a missing, wrong, unknown or repeated key, and
+            for contradictory constraints, with as few clauses as contradict each other.
     """
     plain = read_written_yaml(path)
     try:
@@ -54,12 +64,16 @@ def _space(plain: Any) -> Space:
             raise ValueError(f"unknown key '{key}'{nearest(str(key), PARTS)}")
     frames = tuple(_variable(name, body, "frames") for name, body in _frames(plain).items())
     rules = _rules(plain["variables"], frames)
-    variables = tuple(
-        _ruled(name, body, rules[name]) if name in rules else _variable(name, body)
-        for name, body in plain["variables"].items()
-    )
+    variables = []
+    for name, body in plain["variables"].items():
+        if name in rules:
+            labels = rules[name].labels
+            weights = _weights(f"variables.{name}.weights", body.get("weights"), labels)
+            variables.append(Variable(name, "categorical", values=labels, weights=weights))
+        else:
+            variables.append(_variable(name, body))
     extras = read_extras(plain.get("planes") or {}, plain.get("combinations") or [], variables)
-    space = Space(variables, _constraints(plain.get("constraints") or []), extras)
+    space = Space(tuple(variables), _constraints(plain.get("constraints") or []), extras)
     if "sequences" not in plain:
         return space
     return sequence_space.sequence_space(
@@ -83,42 +97,33 @@ def _rules(variables: Mapping[str, Any], frames: tuple[Variable, ...]) -> dict[s
     ruled = {name: body for name, body in variables.items() if sequence_space.is_rule(body)}
     if ruled and not frames:
         raise ValueError(
-            f"variables.{next(iter(ruled))}: a rule needs the conditions of a frame; there is no 'frames'"
+            f"variables.{next(iter(ruled))}: a rule needs the conditions of a frame; there is no "
+            "'frames'"
         )
-    one = Space(frames) if frames else None
-    return (
-        {}
-        if one is None
-        else {name: read_rule(f"variables.{name}", body, one) for name, body in ruled.items()}
-    )
-
-
-def _ruled(name: str, body: Mapping[str, Any], rule: Rule) -> Variable:
-    return Variable(
-        name,
-        "categorical",
-        values=rule.labels,
-        weights=_weights(f"variables.{name}.weights", body.get("weights"), rule.labels),
-    )
+    if not frames:
+        return {}
+    space = Space(frames)
+    return {name: read_rule(f"variables.{name}", body, space) for name, body in ruled.items()}
 
 
 def _constraints(plain: Any) -> tuple[Written, ...]:
     if not isinstance(plain, list):
         raise ValueError(f"constraints: expected a list, each {CONSTRAINT}, got {_shown(plain)}")
-    return tuple(map(_constraint, plain))
-
-
-def _constraint(plain: Any) -> Written:
-    if isinstance(plain, str):
-        return plain
-    if not isinstance(plain, list) or not plain:
-        raise ValueError(f"constraints: expected {CONSTRAINT}, got {_shown(plain)}")
-    for literal in plain:
-        if not isinstance(literal, str):
-            raise ValueError(
-                f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put the text in quotes"
-            )
-    return tuple(plain)
+    constraints: list[Written] = []
+    for constraint in plain:
+        if isinstance(constraint, str):
+            constraints.append(constraint)
+            continue
+        if not isinstance(constraint, list) or not constraint:
+            raise ValueError(f"constraints: expected {CONSTRAINT}, got {_shown(constraint)}")
+        for literal in constraint:
+            if not isinstance(literal, str):
+                raise ValueError(
+                    f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put "
+                    "the text in quotes"
+                )
+        constraints.append(tuple(constraint))
+    return tuple(constraints)
 
 
 def _variable(name: str, body: Any, part: str = "variables") -> Variable:
@@ -127,9 +132,9 @@ def _variable(name: str, body: Any, part: str = "variables") -> Variable:
         raise ValueError(
             f"{key}: expected values or an interval, as in {EXAMPLE}; got {_shown(body)}"
         )
-    for known in body:
-        if known not in KEYS:
-            raise ValueError(f"unknown key '{key}.{known}'{nearest(str(known), KEYS)}")
+    for part_name in body:
+        if part_name not in KEYS:
+            raise ValueError(f"unknown key '{key}.{part_name}'{nearest(str(part_name), KEYS)}")
     if ("values" in body) == ("interval" in body):
         raise ValueError(f"{key}: expected either values or an interval, as in {EXAMPLE}")
     if "values" in body:
@@ -153,13 +158,12 @@ def _unit(key: str, body: Mapping[str, Any]) -> str:
 
 
 def _interval(name: str, key: str, body: Mapping[str, Any]) -> Variable:
-    interval, cuts = (
-        _numbers(f"{key}.interval", body["interval"], endless=True),
-        _numbers(f"{key}.cuts", body.get("cuts") or []),
-    )
+    interval = _numbers(f"{key}.interval", body["interval"], endless=True)
+    cuts = _numbers(f"{key}.cuts", body.get("cuts") or [])
     if len(interval) != 2 or interval[0] >= interval[1]:
         raise ValueError(
-            f"{key}.interval: expected two numbers, the smaller first, got {_shown(body['interval'])}"
+            f"{key}.interval: expected two numbers, the smaller first, got "
+            f"{_shown(body['interval'])}"
         )
     if any(a >= b for a, b in pairwise((interval[0], *cuts, interval[1]))):
         inside = ", ".join(map(number_text, interval))
@@ -169,11 +173,13 @@ def _interval(name: str, key: str, body: Mapping[str, Any]) -> Variable:
     cyclic = _cyclic(key, body)
     if cyclic and not all(map(isfinite, interval)):
         raise ValueError(
-            f"{key}.interval: a cyclic interval needs two finite ends, got {_shown(body['interval'])}"
+            f"{key}.interval: a cyclic interval needs two finite ends, got "
+            f"{_shown(body['interval'])}"
         )
     if cyclic and len(cuts) == 1:
         raise ValueError(
-            f"{key}.cuts: a cyclic interval needs no cut or at least two, got {_shown(body['cuts'])}"
+            f"{key}.cuts: a cyclic interval needs no cut or at least two, got "
+            f"{_shown(body['cuts'])}"
         )
     return Variable(name, "continuous", _unit(key, body), *interval, cyclic=cyclic, cuts=cuts)
 
@@ -190,7 +196,8 @@ def _values(key: str, plain: Any) -> tuple[str, ...]:
         raise ValueError(f"{key}: expected a list of names, got {_shown(plain)}")
     if len(plain) > MOST_CATEGORIES:
         raise ValueError(
-            f"{key}: expected at most {MOST_CATEGORIES:,} names, got {len(plain):,}; a measurement needs an interval with cuts"
+            f"{key}: expected at most {MOST_CATEGORIES:,} names, got {len(plain):,}; a measurement "
+            "needs an interval with cuts"
         )
     seen: set[str] = set()
     for value in plain:

@@ -1,4 +1,7 @@
-"""Spaces in any of the formats that are read: our space files, PICT and ACTS models, OpenODD files."""
+"""Spaces in any of the formats that are read.
+
+These are our space files, PICT and ACTS models, and OpenODD files.
+"""
 
 from __future__ import annotations
 
@@ -13,25 +16,20 @@ from pipeline.core.space import Space
 
 
 def read_space_of_any_format(path: Path) -> Space:
-    """Read a space: `.xml` is an ACTS model, `.txt` an ACTS model if it begins with [System] and else a PICT model, the rest is YAML:
-    an OpenODD file if it has a section of one, else a space file.
+    """Read a space: `.xml` is an ACTS model, `.txt` an ACTS model if it begins with [System] and
+    else a PICT model, the rest is YAML: an OpenODD file if it has a section of one, else a space
+    file.
 
-    Raises InputError that names the file, the place and what was expected.
+    Raises:
+        InputError: naming the file, the place and what was expected.
     """
     suffix = path.suffix.lower()
-    if suffix == ".xml" or (
-        suffix == ".txt"
-        and HEADER.match(_without_comments(read_text(path, "a PICT or ACTS model")))
-    ):
+    if suffix == ".xml":
         return read_acts_model(path)
     if suffix == ".txt":
-        return read_pict_model(path)
-    return (
-        read_odd_file(path)
-        if path.is_file() and BEGINS.search(path.read_bytes())
-        else read_space_file(path)
-    )
-
-
-def _without_comments(text: str) -> str:
-    return "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("--"))
+        lines = read_text(path, "a PICT or ACTS model").splitlines()
+        text = "\n".join(line for line in lines if not line.lstrip().startswith("--"))
+        return read_acts_model(path) if HEADER.match(text) else read_pict_model(path)
+    if path.is_file() and BEGINS.search(path.read_bytes()):
+        return read_odd_file(path)
+    return read_space_file(path)

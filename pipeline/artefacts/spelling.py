@@ -1,4 +1,7 @@
-"""Finds the category that a text of a table means: the one written like it, or the only one that is the same value spelt differently."""
+"""Finds the category that a text of a table means.
+
+It is the one written like it, or the only one that is the same value spelt differently.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,20 @@ TIME = re.compile(
 )
 
 
+def _truth(text: str) -> bool | None:
+    return {"true": True, "false": False}.get(text.strip().lower())
+
+
+def _number(text: str) -> Decimal | None:
+    return Decimal(text.strip()) if NUMBER.fullmatch(text.strip()) else None
+
+
 class Spellings:
     """The names of categories, which must be distinct.
 
-    A text that is no name means a name with other space around it, the same truth value, number (exactly) or time (UTC, if it has no zone),
-    if there is only one such name: `2.0` means `2`, but with the names `1` and `1.0`, `1.00` means neither.
+    A text that is no name means a name with other space around it, the same truth value, number
+    (exactly) or time (UTC, if it has no zone), if there is only one such name: `2.0` means `2`, but
+    with the names `1` and `1.0`, `1.00` means neither.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -41,24 +53,14 @@ class Spellings:
         return -1
 
 
-def _truth(text: str) -> bool | None:
-    return {"true": True, "false": False}.get(text.strip().lower())
-
-
-def _number(text: str) -> Decimal | None:
-    return Decimal(text.strip()) if NUMBER.fullmatch(text.strip()) else None
-
-
 def time_of(text: str) -> datetime | None:
     """The time that a text says, in UTC and without a zone; None for another text."""
     if not TIME.fullmatch(text.strip()):
         return None
     try:
         time = datetime.fromisoformat(text.strip())
-        return (
-            time.replace(tzinfo=None)
-            if time.tzinfo is None
-            else time.astimezone(UTC).replace(tzinfo=None)
-        )
+        if time.tzinfo is not None:
+            time = time.astimezone(UTC)
+        return time.replace(tzinfo=None)
     except (ValueError, OverflowError):
         return None

@@ -1,4 +1,5 @@
-"""What a stamp stands for, part by part, so that the reason of a job can name the key or the file that changed.
+"""What a stamp stands for, part by part, so that the reason of a job can name the key or the file
+that changed.
 
 It is a cache: without it, the reason is less exact, and nothing else changes.
 """
@@ -16,11 +17,15 @@ from pipeline.errors import InputError
 
 PARTS = Path(".cache/stamps")
 MARKS = "changed"
-"""The input of a job that stands for its reasons: it only makes Snakemake run the job again, and no step reads it."""
+"""The input of a job that stands for its reasons: it only makes Snakemake run the job again, and no
+step reads it."""
 
 
 def remember(digest: str, parts: Mapping[str, str]) -> None:
-    """Store the parts of a digest: the name of each with its own digest, which may have parts itself."""
+    """Store the parts of a digest.
+
+    Each has a name and its own digest, which may have parts itself.
+    """
     path = PARTS / f"{digest}.json"
     if not path.exists():
         with suppress(OSError, InputError):
@@ -29,7 +34,10 @@ def remember(digest: str, parts: Mapping[str, str]) -> None:
 
 @lru_cache(maxsize=4096)
 def differences(old: str, new: str) -> tuple[str, ...]:
-    """Names of the smallest parts in which two digests differ; empty if the parts of one are not known."""
+    """Names of the smallest parts in which two digests differ.
+
+    There are none if the parts of either are unknown.
+    """
     before, after = _parts(old), _parts(new)
     if not before or not after:
         return ()

@@ -1,7 +1,8 @@
-"""Stamps: the file beside a job's first output that says what the outputs depend on, and lists the digest of each.
+"""Stamps: the file beside a job's first output that says what the outputs depend on, and lists the
+digest of each.
 
-Line 1 is the stamp proper, the last line the digest of the lines above it; the lines between are those of `sha256sum`. A damaged stamp
-counts as none.
+Line 1 is the stamp proper, the last line the digest of the lines above it; the lines between are
+those of `sha256sum`. A damaged stamp counts as none.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from pipeline.errors import InputError
 
 SUFFIX = ".stamp"
 LEVELS = 3
-"""A file's digest is in a stamp of its own folder or of the two above it: a data set's images lie two below their stamp."""
+"""A file's digest is in a stamp of its own folder or of the two above it: a data set's images lie
+two below their stamp."""
 
 
 @dataclass(frozen=True)
@@ -28,28 +30,24 @@ class Stamp:
     digests: Mapping[str, str] = field(default_factory=dict)
 
     def text(self) -> str:
-        lines = "".join(
-            f"{line}\n"
-            for line in (
-                self.depends,
-                *(f"{digest}  {name}" for name, digest in sorted(self.digests.items())),
-            )
-        )
+        lines = f"{self.depends}\n"
+        for name, digest in sorted(self.digests.items()):
+            lines += f"{digest}  {name}\n"
         return f"{lines}{hashlib.sha256(lines.encode()).hexdigest()}\n"
 
 
 def made(path: Path, depends: str, outputs: Iterable[Path]) -> Stamp:
-    """The stamp, to be written at `path`, of outputs that are there: files, or folders with all files in them."""
-    files = [
-        file
-        for output in outputs
-        for file in (output.rglob("*") if output.is_dir() else [output])
-        if file.is_file()
-    ]
+    """The stamp, to be written at `path`, of outputs that are there.
+
+    Outputs are files, or folders with all files in them.
+    """
+    digests = {}
+    for output in outputs:
+        for file in output.rglob("*") if output.is_dir() else [output]:
+            if file.is_file():
+                digests[file.relative_to(path.parent).as_posix()] = digest(file)
     _listed.cache_clear()
-    return Stamp(
-        depends, {file.relative_to(path.parent).as_posix(): digest(file) for file in files}
-    )
+    return Stamp(depends, digests)
 
 
 def read(path: Path) -> Stamp | None:
@@ -59,14 +57,18 @@ def read(path: Path) -> Stamp | None:
     except (OSError, UnicodeDecodeError):
         return None
     first, *listed = text.splitlines()[:-1] or [""]
-    found = Stamp(
-        first, {name: value for value, _, name in (line.partition("  ") for line in listed)}
-    )
-    return found if found.text() == text else None
+    digests = {}
+    for line in listed:
+        value, _, name = line.partition("  ")
+        digests[name] = value
+    stamp = Stamp(first, digests)
+    return stamp if stamp.text() == text else None
 
 
 def withdraw(path: Path) -> None:
-    """Remove a stamp, so that Snakemake makes its job's files again and nothing compares them with it."""
+    """Remove a stamp, so that Snakemake makes its job's files again and nothing compares them with
+    it.
+    """
     remove(path)
     _listed.cache_clear()
 
@@ -80,21 +82,33 @@ def remove(path: Path) -> None:
 
 
 def check(path: Path, data: bytes) -> None:
-    """Compare a file's bytes with the digest that a stamp lists for it, if one does; InputError if they differ."""
-    known = _known(path.absolute())
-    if known is not None and hashlib.sha256(data).hexdigest() != known[0]:
-        stamp = (
-            known[1].relative_to(Path.cwd()) if known[1].is_relative_to(Path.cwd()) else known[1]
-        )
+    """Compare a file's bytes with the digest that a stamp lists for it, if one does.
+
+    Raises:
+        InputError: if they differ.
+    """
+    absolute = path.absolute()
+    for folder in absolute.parents[:LEVELS]:
+        listed = _listed(folder, folder.stat().st_mtime_ns)
+        name = absolute.relative_to(folder).as_posix()
+        if name not in listed:
+            continue
+        expected, stamp = listed[name]
+        if hashlib.sha256(data).hexdigest() == expected:
+            return
+        if stamp.is_relative_to(Path.cwd()):
+            stamp = stamp.relative_to(Path.cwd())
         raise InputError(
-            f"{path}: damaged or edited, its SHA-256 is not the one in {stamp}; make it again (in a study, ./run does)"
+            f"{path}: damaged or edited, its SHA-256 is not the one in {stamp}; make it again (in "
+            "a study, ./run does)"
         )
 
 
 def damaged(root: Path) -> Iterator[tuple[Path, Path]]:
     """The damaged files below a folder, each with its stamp; a damaged stamp comes with itself.
 
-    Deleted files are not damaged, except those inside a folder that is still there: Snakemake sees only the folder.
+    Deleted files are not damaged, except those inside a folder that is still there: Snakemake sees
+    only the folder.
     """
     for path in sorted(root.rglob(f"*{SUFFIX}")):
         stamp = read(path)
@@ -114,22 +128,16 @@ def digest(file: Path) -> str:
         return hashlib.file_digest(data, "sha256").hexdigest()
 
 
-def _known(path: Path) -> tuple[str, Path] | None:
-    """The digest that a stamp lists for a file, and the stamp."""
-    for folder in path.parents[:LEVELS]:
-        found = _listed(folder, folder.stat().st_mtime_ns)
-        if (name := path.relative_to(folder).as_posix()) in found:
-            return found[name]
-    return None
-
-
 @lru_cache(maxsize=256)
 def _listed(folder: Path, changed_ns: int) -> Mapping[str, tuple[str, Path]]:
-    """All digests that the stamps in a folder list. changed_ns: of the folder, as a key: every written stamp changes it."""
-    stamps = {path: read(path) for path in sorted(folder.glob(f"*{SUFFIX}"))}
-    return {
-        name: (value, path)
-        for path, stamp in stamps.items()
-        if stamp
-        for name, value in stamp.digests.items()
-    }
+    """All digests that the stamps in a folder list.
+
+    Args:
+        changed_ns: of the folder, as a key: every written stamp changes it.
+    """
+    listed = {}
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        stamp = read(path)
+        for name, value in stamp.digests.items() if stamp else ():
+            listed[name] = (value, path)
+    return listed

@@ -17,14 +17,18 @@ from pipeline.errors import InputError
 
 @dataclass(frozen=True)
 class Statement:
-    """An expression that holds for every point, and where in the file it stands, such as 'line 7'."""
+    """An expression that holds for every point, and its place in the file, such as 'line 7'."""
 
     where: str
     expression: Expression
 
 
 def space_with(variables: Sequence[Variable], statements: Sequence[Statement]) -> Space:
-    """The space in which all statements hold; ValueError that names the statement that no clauses can say."""
+    """The space in which all statements hold.
+
+    Raises:
+        ValueError: naming the statement that no clauses can say.
+    """
     sizes = [variable.size for variable in variables]
     clauses: dict[tuple[str, ...], None] = {}
     for statement in statements:
@@ -47,24 +51,30 @@ def literal_text(variables: Sequence[Variable], literal: Literal) -> str:
         meant = None
     if meant != Literal(0, literal.category, literal.equal):
         raise ValueError(
-            f"names in constraints must not contain '=' or '!=', or have spaces at their ends, got {variable.name!r} and {label!r}"
+            "names in constraints must not contain '=' or '!=', or have spaces at their ends, got "
+            f"{variable.name!r} and {label!r}"
         )
     return text
 
 
 def category_names(variable: Variable) -> tuple[str, ...]:
-    """Names of the categories without commas, which separate values in models: [0 .. 20) for [0, 20)."""
-    return (
-        variable.labels
-        if variable.kind == "categorical"
-        else tuple(label.replace(", ", " .. ") for label in variable.labels)
-    )
+    """Names of the categories without commas, which separate values in models.
+
+    For example, [0, 20) becomes [0 .. 20).
+    """
+    if variable.kind == "categorical":
+        return variable.labels
+    return tuple(label.replace(", ", " .. ") for label in variable.labels)
 
 
 def rows_where(variables: Sequence[int], sizes: Sequence[int], test: Callable[..., Any]) -> OneOf:
     """The combinations for which `test`, called with the categories of the variables, is true.
 
-    sizes: number of categories of each of these variables. Raises ValueError if there are too many combinations to try.
+    Args:
+        sizes: number of categories of each of these variables.
+
+    Raises:
+        ValueError: if there are too many combinations to try.
     """
     if (count := prod(sizes)) > MOST_ROWS:
         raise ValueError(

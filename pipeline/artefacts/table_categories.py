@@ -24,13 +24,21 @@ EPOCH = datetime(1970, 1, 1)
 MOST_DIFFERENT = 100_000
 """Different values of a column that are kept, at most."""
 HINTED = 12
-"""Most frequent wrong values that get a hint: to look for the nearest of thousands of names takes a third of a second."""
+"""Most frequent wrong values that get a hint: to look for the nearest of thousands of names takes a
+third of a second."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Why rows are imperfect. text: what was expected and what came. row: the first such row, from 0. rows: their number. left_out: whether
-    they break a constraint and so do not count; else they count for their other conditions."""
+    """Why rows are imperfect.
+
+    Attributes:
+        text: what was expected and what came.
+        row: the first such row, from 0.
+        rows: their number.
+        left_out: whether they break a constraint and so do not count; else they count for their
+            other conditions.
+    """
 
     text: str
     row: int
@@ -48,8 +56,11 @@ class _Rows:
 
 @dataclass
 class Meanings:
-    """What the values of one variable's column mean. A name is what the space file writes, or the same truth value, number or time; a time
-    in a range counts as seconds since 1970, UTC."""
+    """What the values of one variable's column mean.
+
+    A name is what the space file writes, or the same truth value, number or time; a time in a range
+    counts as seconds since 1970, UTC.
+    """
 
     variable: Variable
     _rows: int = 0
@@ -58,15 +69,18 @@ class Meanings:
     _first_unknown: Any = None
     _each: dict[Any, _Rows] = field(default_factory=dict)
     """The rows of each unknown value, of `MOST_DIFFERENT` at most."""
-    _known: dict[Any, int] = field(default_factory=dict)
+    _category_of: dict[Any, int] = field(default_factory=dict)
     """The category of each value so far, of `MOST_DIFFERENT` at most."""
 
     def __post_init__(self) -> None:
         self._names = Spellings(self.variable.values)
 
     def categories(self, column: Column) -> Ints:
-        """Category indices of the next (n,) values or names of categories, -1 where there is none; ValueError for values of a wrong
-        type."""
+        """Category indices of the next (n,) values or names of categories, -1 where there is none.
+
+        Raises:
+            ValueError: for values of a wrong type.
+        """
         different, where = _different(self.variable, column)
         meant = (
             self._named(different)
@@ -81,63 +95,49 @@ class Meanings:
 
     def faults(self) -> list[Fault]:
         """Why values so far have no category, in the order of the rows."""
-        faults, name = [], self.variable.name
+        faults, many = [], len(self._each) > MOST_CATEGORIES
         if rows := self._missing:
-            faults.append(
-                Fault(
-                    f"{name} must be {_expected(self.variable)}, got nothing",
-                    rows.first,
-                    rows.number,
-                )
-            )
-        if len(self._each) > MOST_CATEGORIES or (
-            self._each and self.variable.kind != "categorical"
-        ):
+            text = f"{self.variable.name} must be {_expected(self.variable)}, got nothing"
+            faults.append(Fault(text, rows.first, rows.number))
+        if many or (self._each and self.variable.kind != "categorical"):
             assert self._unknown is not None
-            faults.append(
-                Fault(
-                    self._told(self._first_unknown, len(self._each)),
-                    self._unknown.first,
-                    self._unknown.number,
-                )
-            )
+            text = self._explained(self._first_unknown, len(self._each))
+            faults.append(Fault(text, self._unknown.first, self._unknown.number))
         else:
             hinted = {
                 self._first_unknown,
                 *nlargest(HINTED, self._each, key=lambda value: self._each[value].number),
             }
-            faults += [
-                Fault(self._told(value, 1, value in hinted), rows.first, rows.number)
-                for value, rows in self._each.items()
-            ]
+            for value, rows in self._each.items():
+                text = self._explained(value, 1, value in hinted)
+                faults.append(Fault(text, rows.first, rows.number))
         return sorted(faults, key=lambda fault: fault.row)
 
     def _named(self, different: Any) -> Ints:
-        values = _values(different)
-        for value in values:
-            if value == value and value not in self._known and len(self._known) < MOST_DIFFERENT:
-                self._known[value] = self._names.find(str(value))
-        return np.array([self._category(value) for value in values], np.int64)
-
-    def _category(self, value: Any) -> int:
-        return (
-            self._known[value]
-            if value in self._known
-            else -1
-            if value != value
-            else self._names.find(str(value))
-        )
+        """The categories that values name."""
+        categories = []
+        for value in _values(different):
+            category = self._category_of.get(value)
+            if category is None:
+                category = self._names.find(str(value)) if value == value else -1
+                if value == value and len(self._category_of) < MOST_DIFFERENT:
+                    self._category_of[value] = category
+            categories.append(category)
+        return np.array(categories, np.int64)
 
     def _note(self, different: Any, wrong: Ints) -> None:
-        """wrong: (n,) places among the different values of those that have no category, -1 for a value with one."""
+        """Note the rows of values without a category.
+
+        Args:
+            wrong: (n,) places among the different values of those that have no category, -1 for a
+                value with one.
+        """
         rows = np.flatnonzero(wrong >= 0)
         places, first, numbers = np.unique(wrong[rows], return_index=True, return_counts=True)
         for at in np.argsort(first):
-            value = (
-                None
-                if places[at] == len(different)
-                else _values(different.slice(int(places[at]), 1))[0]
-            )
+            value = None
+            if places[at] < len(different):
+                value = _values(different.slice(int(places[at]), 1))[0]
             row, number = self._rows + int(rows[first[at]]), int(numbers[at])
             if value is None or value != value:
                 self._missing = self._missing or _Rows(row)
@@ -149,22 +149,22 @@ class Meanings:
             if value in self._each or len(self._each) < MOST_DIFFERENT:
                 self._each.setdefault(value, _Rows(row)).number += number
 
-    def _told(self, value: Any, group: int, hint: bool = True) -> str:
-        """What is wrong with a group of different values, the first of which is given. hint: whether to look for the name that is meant."""
-        expected, categorical = (
-            _expected(self.variable, str(value) if hint else ""),
-            self.variable.kind == "categorical",
-        )
-        if group > MOST_CATEGORIES and categorical:
+    def _explained(self, value: Any, group: int, hint: bool = True) -> str:
+        """What is wrong with a group of different values, the first of which is given.
+
+        Args:
+            hint: whether to look for the name that is meant.
+        """
+        expected = _expected(self.variable, str(value) if hint else "")
+        if group > MOST_CATEGORIES and self.variable.kind == "categorical":
             return (
-                f"{self.variable.name} has {_count(len(self._known))} different values, as an identifier or a measurement has; "
+                f"{self.variable.name} has {_count(len(self._category_of))} different values, as "
+                "an "
+                "identifier or a measurement has; "
                 f"expected {expected}, or give it an interval with cuts"
             )
-        shown = (
-            repr(value)
-            if isinstance(value, str) and not NUMBER.fullmatch(value.strip())
-            else str(value)
-        )
+        is_text = isinstance(value, str) and not NUMBER.fullmatch(value.strip())
+        shown = repr(value) if is_text else str(value)
         others = f" and {_count(group - 1)} other values" if group > 1 else ""
         return f"{self.variable.name} must be {expected}, got {shown}{others}"
 
@@ -174,7 +174,10 @@ def _count(number: int) -> str:
 
 
 def numbers_of(name: str, column: Column) -> Floats:
-    """The (n,) numbers of a column, times as seconds since 1970, UTC; nan for what is none. ValueError for values of a wrong type."""
+    """The (n,) numbers of a column, times as seconds since 1970, UTC; nan for what is none.
+
+    Values of a wrong type raise ValueError.
+    """
     different, where = _different(
         Variable(name, "continuous", low=-np.inf, high=np.inf, cuts=(0,)), column
     )
@@ -182,14 +185,17 @@ def numbers_of(name: str, column: Column) -> Floats:
 
 
 def _different(variable: Variable, column: Column) -> tuple[Any, Ints]:
-    """The (m,) different values of a column, as an Arrow array, and the (n,) places of its values among them; m for null.
+    """The (m,) different values of a column, as an Arrow array, and the (n,) places of its values
+    among them; m for null.
 
-    Numbers in a range count as different, because each is cheaper to place than to find among others.
+    Numbers in a range count as different, because each is cheaper to place than to find among
+    others.
     """
     kind = column.type
     if pa.types.is_nested(kind) or pa.types.is_binary(kind) or pa.types.is_large_binary(kind):
         raise ValueError(
-            f"{variable.name}: expected texts, numbers, booleans or times, got values of type {kind}"
+            f"{variable.name}: expected texts, numbers, booleans or times, got values of type "
+            f"{kind}"
         )
     if pa.types.is_null(kind) or pa.types.is_float16(kind):
         column = column.cast(pa.string() if pa.types.is_null(kind) else pa.float32())
@@ -216,23 +222,17 @@ def _array(numbers: Any) -> Any:
 
 def _values(different: Any) -> list[Any]:
     """Python's values; a number of single precision as it is written, not as its double."""
-    single = pa.types.is_float32(different.type)
-    return (
-        list(map(float, map(str, different.to_numpy()))) if single else list(different.to_pylist())
-    )
+    if pa.types.is_float32(different.type):
+        return list(map(float, map(str, different.to_numpy())))
+    return list(different.to_pylist())
 
 
 def _ranged(variable: Variable, different: Any) -> Ints:
-    numbers, names = (
-        _numbers(different),
-        {label: index for index, label in enumerate(variable.labels)},
-    )
-    for bound in (
-        (variable.low, variable.high, *(variable.cuts or ()))
-        if pa.types.is_float32(different.type)
-        else ()
-    ):
-        numbers[numbers == np.float32(bound)] = bound  # Single precision of 0.7 lies below it.
+    numbers = _numbers(different)
+    names = {label: index for index, label in enumerate(variable.labels)}
+    if pa.types.is_float32(different.type):
+        for bound in (variable.low, variable.high, *(variable.cuts or ())):
+            numbers[numbers == np.float32(bound)] = bound  # Single precision of 0.7 is below it.
     inside = (numbers >= variable.low) & (numbers <= variable.high)
     categories = np.full(len(numbers), -1)
     categories[inside] = variable.categorise(numbers[inside])
@@ -262,7 +262,8 @@ def _numbers(different: Any) -> Floats:
 
 def _expected(variable: Variable, wrong: str = "") -> str:
     if variable.kind != "categorical":
-        return f"a number in [{number_text(variable.low)}, {number_text(variable.high)}] {variable.unit}".rstrip()
+        ends = f"[{number_text(variable.low)}, {number_text(variable.high)}]"
+        return f"a number in {ends} {variable.unit}".rstrip()
     close = difflib.get_close_matches(wrong, variable.values, n=1, cutoff=0.5) if wrong else []
     shown = variable.values if len(variable.values) <= 12 else (*variable.values[:6], "…")
     return f"one of {', '.join(shown)}" + (f" (did you mean '{close[0]}'?)" if close else "")

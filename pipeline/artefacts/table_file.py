@@ -31,8 +31,14 @@ BUFFER = 1 << 20
 
 @dataclass(frozen=True)
 class OpenTable:
-    """header: names of all columns. columns: those asked for that are there. batches: Arrow tables of these, to be read once; a CSV has
-    texts, and null for nothing between commas."""
+    """A table that is read batch by batch.
+
+    Attributes:
+        header: names of all columns.
+        columns: those asked for that are there.
+        batches: Arrow tables of these, to be read once; a CSV has texts, and null for nothing
+            between commas.
+    """
 
     header: tuple[str, ...]
     columns: tuple[str, ...]
@@ -41,7 +47,12 @@ class OpenTable:
 
 @dataclass(frozen=True)
 class Table:
-    """A whole table. header: names of all columns. columns: those asked for that are there, as Arrow arrays."""
+    """A whole table.
+
+    Attributes:
+        header: names of all columns.
+        columns: those asked for that are there, as Arrow arrays.
+    """
 
     header: tuple[str, ...]
     columns: dict[str, Any]
@@ -49,17 +60,17 @@ class Table:
 
 
 def open_table(path: Path, wanted: Sequence[str]) -> OpenTable:
-    """Open a table to read the columns that are wanted and there batch by batch, the next batch while one is in use.
+    """Open a table to read the columns that are wanted and there batch by batch, the next batch
+    while one is in use.
 
-    Raises InputError, here or from the batches, that names the file and what is wrong: another format or separator, a wanted column twice,
-    a row with more or fewer fields than the header.
+    Raises:
+        InputError: here or from the batches, that names the file and what is wrong: another format
+            or separator, a wanted column twice, a row with more or fewer fields than the header.
     """
     if not path.exists():
         raise InputError(f"{path}: expected {READ}, got no such file")
-    opener = {**dict.fromkeys(CSV, open_csv), **dict.fromkeys(PARQUET, _open_parquet)}.get(
-        path.suffix.lower()
-    )
-    if opener is None:
+    opener = open_csv if path.suffix.lower() in CSV else _open_parquet
+    if path.suffix.lower() not in (*CSV, *PARQUET):
         raise InputError(
             f"{path}: expected {READ}, got {path.suffix}; what can be read: {ALL_READ}"
         )
@@ -116,9 +127,8 @@ def check_format(path: Path) -> None:
 def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Write texts as parquet or, by any other name, CSV."""
     if path.suffix.lower() in PARQUET:
-        columns = [pa.array(column, pa.string()) for column in zip(*rows, strict=True)] or [
-            pa.array([], pa.string())
-        ] * len(header)
+        places = range(len(header))
+        columns = [pa.array([row[i] for row in rows], pa.string()) for i in places]
         buffer = io.BytesIO()
         pq.write_table(pa.Table.from_arrays(columns, list(header)), buffer)
         write_bytes(path, buffer.getvalue())

@@ -1,6 +1,10 @@
-"""The five tables of a campaign: tests, signals, detections, frames and timings, as Parquet with units in the fields' metadata.
+"""The five tables of a campaign.
 
-Every write and every read checks the schema. Equal rows give equal bytes; wall-clock times appear in timings.parquet alone.
+These are tests, signals, detections, frames and timings, as Parquet with units in the fields'
+metadata.
+
+Every write and every read checks the schema. Equal rows give equal bytes; wall-clock times appear
+in timings.parquet alone.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import KPIS
 from pipeline.core.sight import SIGHT
 from pipeline.core.signals import SIDES, SIGNALS
-from pipeline.core.space import Space, Variable
+from pipeline.core.space import Space
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 
@@ -52,7 +56,8 @@ TESTS = (
     Column("reason", str, "reason of the error, else empty"),
     *KPIS,
 )
-"""Columns of tests.parquet before the scenario variables. A test with status `error` has a reason and `NO_KPI`."""
+"""Columns of tests.parquet before the scenario variables. A test with status `error` has a reason
+and `NO_KPI`."""
 SIGNAL_TABLE = (TEST_ID, Column("step", int, "number of the time step, from 0"), *SIGNALS)
 FRAMES = (
     TEST_ID,
@@ -68,7 +73,8 @@ FRAMES = (
     Column(
         "contrast",
         float,
-        "mean difference in grey levels between the pedestrian's visible pixels and their surroundings",
+        "mean difference in grey levels between the pedestrian's visible pixels and their "
+        "surroundings",
     ),
     Column("false_positives", int, "false positives of the detector in this frame"),
     Column(
@@ -84,7 +90,8 @@ DETECTIONS = (
     Column(
         "score",
         float,
-        "its score, at least 0.05, or the detector's threshold if that is lower; a detection below the threshold is not reported",
+        "its score, at least 0.05, or the detector's threshold if that is lower; a detection below "
+        "the threshold is not reported",
     ),
     Column("in_path", bool, "whether the foot of the box lies in the ego's path"),
 )
@@ -113,7 +120,8 @@ WHY = (
     Column(
         "change",
         str,
-        f"what is changed, such as `no rain`; `{UNCHANGED}` is the failure as its campaign executed it",
+        f"what is changed, such as `no rain`; `{UNCHANGED}` is the failure as its campaign "
+        "executed it",
     ),
     Column("status", str, "whether the simulation ended in an error", allowed=("ok", "error")),
     Column("reason", str, "reason of the error, else empty"),
@@ -127,18 +135,29 @@ WHY = (
 
 
 def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
-    """Write one row per test, in the given order: `TESTS`, then one column per scenario variable (categories by name). The file's metadata
-    have the space that the tests were drawn from."""
+    """Write one row per test, in the given order.
+
+    The columns are `TESTS`, then the scenario variables (categories by name). The file's metadata
+    have the space that the tests were drawn from.
+    """
     _write(path, tests, TESTS, space)
 
 
 def read_tests(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read tests.parquet, or some of its columns; InputError that names the file if it is truncated or not such a table."""
+    """Read tests.parquet, or some of its columns.
+
+    Raises:
+        InputError: naming the file if it is truncated or not such a table.
+    """
     return _read(path, "tests", columns)
 
 
 def space_of_tests(path: Path) -> Space:
-    """The space that the tests of tests.parquet were drawn from; InputError if the file does not say."""
+    """The space that the tests of tests.parquet were drawn from.
+
+    Raises:
+        InputError: if the file does not say.
+    """
     try:
         return space_of(json.loads((_opened(path).schema_arrow.metadata or {})[b"space"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -163,17 +182,25 @@ def write_signals(path: Path, signals: pd.DataFrame) -> None:
 
 
 def read_signals(path: Path) -> pd.DataFrame:
-    """Read signals.parquet; InputError that names the file if it is truncated or not such a table."""
+    """Read signals.parquet.
+
+    Raises:
+        InputError: naming the file if it is truncated or not such a table.
+    """
     return _read(path, "signals")
 
 
 def write_detections(path: Path, detections: pd.DataFrame) -> None:
-    """Write one row per detection, in the order of tests, steps and descending scores: `DETECTIONS`."""
+    """Write one row per detection: `DETECTIONS`, by test, step and descending score."""
     _write(path, detections, DETECTIONS)
 
 
 def read_detections(path: Path) -> pd.DataFrame:
-    """Read detections.parquet; InputError that names the file if it is truncated or not such a table."""
+    """Read detections.parquet.
+
+    Raises:
+        InputError: naming the file if it is truncated or not such a table.
+    """
     return _read(path, "detections")
 
 
@@ -183,7 +210,11 @@ def write_frames(path: Path, frames: pd.DataFrame) -> None:
 
 
 def read_frames(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read frames.parquet, or some of its columns (without `image` it is small); InputError if it is truncated or not such a table."""
+    """Read frames.parquet, or some of its columns (without `image` it is small).
+
+    Raises:
+        InputError: if it is truncated or not such a table.
+    """
     return _read(path, "frames", columns)
 
 
@@ -193,22 +224,28 @@ def write_timings(path: Path, timings: pd.DataFrame) -> None:
 
 
 def read_timings(path: Path) -> pd.DataFrame:
-    """Read timings.parquet; InputError that names the file if it is truncated or not such a table."""
+    """Read timings.parquet.
+
+    Raises:
+        InputError: naming the file if it is truncated or not such a table.
+    """
     return _read(path, "timings")
 
 
 def write_campaign(out: Path, rows_of: Callable[[str], pd.DataFrame], space: Space) -> None:
     """Write the tables of a campaign beside `out`, its tests.parquet, which comes last.
 
-    rows_of: the rows by name, as in `TABLES`, asked for one after the other; a table without rows needs no columns.
+    Args:
+        rows_of: the rows by name, as in `TABLES`, asked for one after the other; a table without
+            rows needs no columns.
     """
-    own = {
+    writers = {
         "signals": write_signals,
         "detections": write_detections,
         "frames": write_frames,
         "timings": write_timings,
     }
-    for name, write in own.items():
+    for name, write in writers.items():
         write(
             out.with_name(f"{name}.parquet"),
             _filled(rows_of(name), [column.name for column in TABLES[name]]),
@@ -223,7 +260,11 @@ def _filled(rows: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 
 def read_campaigns(tests: Sequence[Path], name: str) -> pd.DataFrame:
-    """The rows of a table, as in `TABLES`, of several campaigns, one after the other. tests: of each, its tests.parquet."""
+    """The rows of a table, as in `TABLES`, of several campaigns, one after the other.
+
+    Args:
+        tests: of each, its tests.parquet.
+    """
     return pd.concat(
         [_read(path.with_name(f"{name}.parquet"), name) for path in tests], ignore_index=True
     )
@@ -235,13 +276,18 @@ def write_why(path: Path, rows: pd.DataFrame) -> None:
 
 
 def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
-    """The campaign of the rows of tests.parquet; InputError that names the file if they belong to none or to several."""
-    found = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
-    if len(found) != 1:
+    """The campaign of the rows of tests.parquet.
+
+    Raises:
+        InputError: naming the file if they belong to none or to several.
+    """
+    campaigns = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
+    if len(campaigns) != 1:
         raise InputError(
-            f"{path}: expected the tests of one campaign, got {len(found)} campaigns; make it again"
+            f"{path}: expected the tests of one campaign, got {len(campaigns)} campaigns; "
+            "make it again"
         )
-    scenario, strategy, version, seed = found.iloc[0]
+    scenario, strategy, version, seed = campaigns.iloc[0]
     return CampaignId(str(scenario), str(strategy), str(version), int(seed))
 
 
@@ -274,38 +320,24 @@ def frame_box(row: pd.Series, kind: str) -> Box | None:
     return None if np.isnan(left) else (left, top, right, bottom)
 
 
-def _field(column: Column) -> pa.Field:
-    return pa.field(
-        column.name,
-        TYPES[column.kind],
-        column.kind is float,
-        {"unit": column.unit} if column.unit else None,
-    )
-
-
-def _variable_field(variable: Variable) -> pa.Field:
-    kind = pa.string() if variable.kind == "categorical" else pa.float64()
-    return pa.field(
-        variable.name,
-        kind,
-        nullable=False,
-        metadata={"unit": variable.unit} if variable.unit else None,
-    )
-
-
 def _write(
     path: Path, frame: pd.DataFrame, expected: Sequence[Column], space: Space | None = None
 ) -> None:
-    schema = pa.schema(
-        [*map(_field, expected), *map(_variable_field, space.variables if space else ())]
-    )
-    missing, unknown = (
-        set(schema.names) - set(frame.columns),
-        set(frame.columns) - set(schema.names),
-    )
+    fields = []
+    for column in expected:
+        unit = {"unit": column.unit} if column.unit else None
+        fields.append(pa.field(column.name, TYPES[column.kind], column.kind is float, unit))
+    for variable in space.variables if space else ():
+        kind = pa.string() if variable.kind == "categorical" else pa.float64()
+        unit = {"unit": variable.unit} if variable.unit else None
+        fields.append(pa.field(variable.name, kind, nullable=False, metadata=unit))
+    schema = pa.schema(fields)
+    missing = set(schema.names) - set(frame.columns)
+    unknown = set(frame.columns) - set(schema.names)
     if missing or unknown:
         raise ValueError(
-            f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown {sorted(unknown)}"
+            f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown "
+            f"{sorted(unknown)}"
         )
     arrays = [pa.array(frame[field.name], field.type, from_pandas=True) for field in schema]
     about = {"blindspot": FORMAT, **({"space": json.dumps(plain_space(space))} if space else {})}
@@ -322,13 +354,13 @@ def _read(path: Path, name: str, columns: Sequence[str] | None = None) -> pd.Dat
     expected = TABLES[name]
     wanted = {column.name: TYPES[column.kind] for column in expected}
     file = _opened(path)
-    found = {field.name: field.type for field in file.schema_arrow}
-    variables = {kind for other, kind in found.items() if other not in wanted}
+    types = {field.name: field.type for field in file.schema_arrow}
+    variables = {kind for other, kind in types.items() if other not in wanted}
     if name == "tests" and variables & {pa.string(), pa.float64()}:
-        found = {known: kind for known, kind in found.items() if known in wanted}
-    if found != wanted:
+        types = {column: kind for column, kind in types.items() if column in wanted}
+    if types != wanted:
         wrong = sorted(
-            {column for column in {*wanted, *found} if wanted.get(column) != found.get(column)}
+            {column for column in {*wanted, *types} if wanted.get(column) != types.get(column)}
         )
         raise InputError(
             f"{path}: expected a {name} table, its columns {wrong} differ; make it again"
@@ -337,7 +369,8 @@ def _read(path: Path, name: str, columns: Sequence[str] | None = None) -> pd.Dat
         table = file.read(columns=list(columns) if columns is not None else None)
     except (pa.ArrowException, OSError) as error:
         raise InputError(
-            f"{path}: expected a Parquet file, got a damaged one ({error}); if a study made it, ./run makes it again"
+            f"{path}: expected a Parquet file, got a damaged one ({error}); if a study made it, "
+            "./run makes it again"
         ) from error
     problem = _problem(table, expected)
     if problem:
@@ -352,7 +385,8 @@ def _opened(path: Path) -> pq.ParquetFile:
         return pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
         raise InputError(
-            f"{path}: expected a Parquet file, got a truncated or foreign one ({error}); if a study made it, ./run makes it again"
+            f"{path}: expected a Parquet file, got a truncated or foreign one ({error}); if a "
+            "study made it, ./run makes it again"
         ) from error
 
 
@@ -363,22 +397,23 @@ def _problem(table: pa.Table, expected: Sequence[Column]) -> str:
         column = table.column(field.name)
         if not field.nullable and column.null_count:
             return f"column {field.name} must have no empty rows, got {column.null_count}"
-        foreign = (
-            set(column.unique().to_pylist()) - allowed[field.name]
-            if field.name in allowed
-            else set()
-        )
+        if field.name not in allowed:
+            continue
+        foreign = set(column.unique().to_pylist()) - allowed[field.name]
         if foreign:
-            return f"column {field.name} must hold {sorted(allowed[field.name])}, got {sorted(foreign)}"
+            expected_values = sorted(allowed[field.name])
+            return f"column {field.name} must hold {expected_values}, got {sorted(foreign)}"
     return ""
 
 
 def detection_columns(detections: Sequence[FrameDetections]) -> dict[str, NDArray[Any]]:
-    """The columns of detections.parquet, without test_id, for the detections of a test by time step."""
-    counts = [len(one.detections.scores) for one in detections]
-    boxes = np.concatenate([np.zeros((0, 4)), *(one.detections.boxes for one in detections)])
-    scores = np.concatenate([np.zeros(0), *(one.detections.scores for one in detections)])
-    in_path = np.concatenate([np.zeros(0, bool), *(one.in_path for one in detections)])
+    """The columns of detections.parquet, without test_id, for the detections of a test by time
+    step.
+    """
+    counts = [len(frame.detections.scores) for frame in detections]
+    boxes = np.concatenate([np.zeros((0, 4)), *(frame.detections.boxes for frame in detections)])
+    scores = np.concatenate([np.zeros(0), *(frame.detections.scores for frame in detections)])
+    in_path = np.concatenate([np.zeros(0, bool), *(frame.in_path for frame in detections)])
     return {
         "step": np.repeat(np.arange(len(counts)), counts),
         **dict(zip(SIDES, boxes.T, strict=True)),

@@ -18,7 +18,10 @@ class TrackedRun(Result):
 
 
 class TrackedStudy(Result):
-    """Everything that was tracked, without run ids and times: the same study gives the same file on any store."""
+    """Everything that was tracked, without run ids and times.
+
+    The same study gives the same file on any store.
+    """
 
     experiment: str
     model: str

@@ -6,7 +6,10 @@ from pipeline.artefacts.results import Result
 
 
 class WhiteBoxSet(Result):
-    """White-box coverage of one set of images, shares in [0, 1]; see `pipeline.core.coverage.whitebox`."""
+    """White-box coverage of one set of images, shares in [0, 1].
+
+    See `pipeline.core.coverage.whitebox`.
+    """
 
     name: str
     images: int

@@ -1,4 +1,6 @@
-"""YAML with every value as the text that is written, so that `no`, `1.10`, `010` and `12:30` stay what they are."""
+"""YAML with every value as the text that is written, so that `no`, `1.10`, `010` and `12:30` stay
+what they are.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,11 @@ from pipeline.errors import InputError
 
 
 def read_written_yaml(path: Path) -> Any:
-    """Mappings, lists, texts and None (an empty value, `null` or `~`); InputError that names the file and the line."""
+    """Mappings, lists, texts and None (an empty value, `null` or `~`).
+
+    Raises:
+        InputError: naming the file and the line.
+    """
     try:
         return read_yaml(path, as_written=True)
     except FileNotFoundError as error:
@@ -33,10 +39,6 @@ def shown(plain: Any) -> str:
         and all(isinstance(item, str | None) for item in plain)
     ):
         return f"[{', '.join(map(shown, plain))}]"
-    return (
-        "null"
-        if plain is None
-        else plain
-        if isinstance(plain, str) and plain
-        else reprlib.repr(plain)
-    )
+    if plain is None:
+        return "null"
+    return plain if isinstance(plain, str) and plain else reprlib.repr(plain)

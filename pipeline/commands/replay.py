@@ -37,8 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print whether the test ends as recorded; exit code 1 if it does not."""
-    from pipeline.execution.once import episode
-    from pipeline.execution.workers import Setup
+    from pipeline.execution.workers import Setup, episode
     from pipeline.report.replays import Replay, check_replay, outcome_text, render_replay
 
     check_replay(options.out)

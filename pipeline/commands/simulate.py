@@ -13,8 +13,7 @@ from pipeline.core import kpi
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Value
 from pipeline.errors import InputError
-from pipeline.execution.once import episode
-from pipeline.execution.workers import Setup
+from pipeline.execution.workers import Setup, episode
 
 PLAIN: Mapping[str, Value] = {
     "rain": 0,

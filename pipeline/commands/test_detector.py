@@ -136,8 +136,7 @@ def check(config: Config, models: Sequence[Path]) -> None:
     Raises:
         InputError: a detector violates its contract; the message names the first violated rule.
     """
-    from pipeline.execution.pool import Pool
-    from pipeline.execution.worker import Broken
+    from pipeline.execution.worker import Broken, Pool
 
     with Pool(1, partial(_checker, config), config.limits) as pool:
         for index, outcome in pool.run(models):

@@ -18,9 +18,12 @@ LONGEST = 300
 
 
 class GuardedDetector:
-    """A detector whose exceptions become errors of a test.
+    """A detector whose exceptions become errors of one test, and that shows when it is at work.
 
-    calls: counter shared with the parent, incremented before and after each frame; odd means busy.
+    Args:
+        detector: the foreign detector.
+        calls: counter shared with the parent, incremented before and after each frame; odd means
+            busy.
     """
 
     def __init__(self, detector: Detector, calls: Calls) -> None:

@@ -21,7 +21,7 @@ from pipeline.artefacts.files import flush_all, program_sha256, read_sealed, wri
 from pipeline.config.sections import BaseSet
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
-from pipeline.execution.pool import in_order
+from pipeline.execution.worker import in_order
 from pipeline.progress import OnProgress
 
 SHARD_IMAGES = 100

@@ -21,14 +21,14 @@ from pipeline.config.components import make_detector, make_world
 from pipeline.config.schema import Config
 from pipeline.config.sections import Limits
 from pipeline.core.car import Car
+from pipeline.core.episode import Episode
 from pipeline.core.space import Value
 from pipeline.detectors.calibrated import as_tested
-from pipeline.errors import SimulationError
+from pipeline.errors import InputError, SimulationError
 from pipeline.execution import journal
 from pipeline.execution.guarded import GuardedDetector, GuardedTests
 from pipeline.execution.journal import Outcome
-from pipeline.execution.pool import Pool
-from pipeline.execution.worker import Broken, Calls
+from pipeline.execution.worker import Broken, Calls, Pool
 from pipeline.scenarios.functional import FunctionalScenario
 
 
@@ -36,11 +36,11 @@ from pipeline.scenarios.functional import FunctionalScenario
 class Execution:
     """One test to execute.
 
-    Attributes:
-        index: of the test.
-        path: of its outcome.
-        concrete: a value for each variable.
-        noise: scenario that seeds the random noise; None means `concrete`.
+    Args:
+        index: number of the test in its campaign.
+        path: file for its outcome.
+        concrete: the concrete scenario.
+        noise: scenario that seeds the random noise; None means this one.
     """
 
     index: int
@@ -53,8 +53,14 @@ class Execution:
 class Setup:
     """What every process executes tests with.
 
-    simulator, detector: sections of the config. model: the detector's file. limits: of a test.
-    keep_every: see `pipeline.core.loop.run_test`.
+    Args:
+        simulator: section of the config.
+        scenario: the functional scenario.
+        detector: section of the config.
+        model: the detector's file.
+        car: the car's constants.
+        limits: of a test.
+        keep_every: see `pipeline.core.loop.run_test`.
     """
 
     simulator: Mapping[str, Any]
@@ -74,9 +80,13 @@ class Setup:
         *,
         keep_every: int = 0,
     ) -> Setup:
-        """The setup of a study's scenario, by name.
+        """The setup of a study's scenario.
 
-        calibration: of the model, if the study calibrates it.
+        Args:
+            scenario: its name.
+            model: the detector's file.
+            calibration: of the model, if the study calibrates it.
+            keep_every: see `pipeline.core.loop.run_test`.
         """
         detector = as_tested(config.detector, calibration)
         return Setup(
@@ -91,7 +101,7 @@ class Setup:
 
     @staticmethod
     def recorded(folders: Folders, scenario: str, version: str, *, keep_every: int = 0) -> Setup:
-        """The setup with which a study has tested a version: its detector, calibrated as then."""
+        """The setup with which a study tested a version, with the calibration of that time."""
         calibration = read_calibration(folders.calibrations([version]))
         return Setup.of(
             folders.config,
@@ -103,7 +113,7 @@ class Setup:
 
     @property
     def identity(self) -> str:
-        """Digest of everything that an outcome depends on, beside the concrete scenario."""
+        """Digest of all that a test's outcome depends on, except its concrete scenario."""
         settings = [
             self.simulator,
             self.scenario.model_dump(),
@@ -159,5 +169,30 @@ def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
         except SimulationError as error:
             outcome = Outcome.error(str(error), time.perf_counter() - started)
         journal.write(job.path, outcome, job.concrete)
+
+    return execute
+
+
+def episode(setup: Setup, concrete: Mapping[str, Value]) -> Episode:
+    """The episode of one concrete scenario, in a process with the limits of a test.
+
+    Raises:
+        InputError: if it fails or is over a limit.
+    """
+    with Pool(1, partial(_episode_maker, setup), setup.limits) as pool:
+        _, result = next(pool.run([concrete]))
+    if isinstance(result, Broken):
+        raise InputError(f"the scenario cannot be executed: {result.reason}")
+    return result
+
+
+def _episode_maker(setup: Setup, calls: Calls) -> Callable[[Mapping[str, Value]], Episode]:
+    tests = guarded(setup, calls)
+
+    def execute(concrete: Mapping[str, Value]) -> Episode:
+        try:
+            return tests.run(concrete)
+        except SimulationError as error:
+            raise InputError(f"the scenario cannot be executed: {error}") from error
 
     return execute

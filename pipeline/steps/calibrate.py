@@ -90,8 +90,7 @@ def detect_all(
     """
     from pipeline.core.episode import Frame
     from pipeline.detectors.evaluation import CALIBRATED_FROM, truths_of
-    from pipeline.execution.pool import Pool
-    from pipeline.execution.worker import Broken
+    from pipeline.execution.worker import Broken, Pool
 
     lowest = {"threshold": CALIBRATED_FROM} if "threshold" in config.detector else {}
     make = partial(_detection, {**config.detector, **lowest}, model)

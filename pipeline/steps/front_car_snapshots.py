@@ -22,7 +22,7 @@ from pipeline.artefacts.results import read
 from pipeline.config.schema import Config
 from pipeline.contract import Job, Step
 from pipeline.errors import InputError, SimulationError
-from pipeline.execution.pool import in_order
+from pipeline.execution.worker import in_order
 
 TOWNS = 3
 """Number of towns per kind of street; test towns are separate."""

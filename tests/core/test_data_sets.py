@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.artefacts.openlabel_tags import Said
+from pipeline.artefacts.openlabel_tags import Tagged
 from pipeline.artefacts.point_table import PointTable, read_points
 from pipeline.artefacts.space_file import read_space_file
 from pipeline.core.variable import Variable
@@ -435,5 +435,5 @@ def test_wrong_kitti_lines_are_refused(line: str, message: str, tmp_path: Path) 
 
 
 def test_a_tag_holds_in_the_first_and_the_last_frame_of_its_interval() -> None:
-    said = Said(Variable("lit", "categorical", values=("no", "yes")), "yes", ((3, 3), (5, 6)))
+    said = Tagged(Variable("lit", "categorical", values=("no", "yes")), "yes", ((3, 3), (5, 6)))
     assert [said.holds(frame) for frame in range(2, 8)] == [False, True, False, True, True, False]

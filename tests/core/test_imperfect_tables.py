@@ -153,9 +153,9 @@ def test_a_plan_with_a_broken_constraint_is_not_valid(
         (
             "p.csv",
             HEAD + "sunny,3,1,1\nsunny,3,1,1,7\n",
-            "p.csv: row 2 has 5 fields, the header 4: 'sunny,3,1,1,7'",
+            "p.csv: row 2: Expected 4 columns, got 5: sunny,3,1,1,7",
         ),
-        ("p.csv", HEAD + "sunny,3,1\n", "row 1 has 3 fields, the header 4"),
+        ("p.csv", HEAD + "sunny,3,1\n", "row 1: Expected 4 columns, got 3"),
         (
             "p.csv",
             "weather,fog,lanes,current_lane,fog\nsunny,3,1,1,60\n",
@@ -171,7 +171,7 @@ def test_a_plan_with_a_broken_constraint_is_not_valid(
             HEAD.replace(",", "\t") + "sunny\t3\t1\t1\n",
             "expected commas between the columns, got tabs",
         ),
-        ("p.csv", HEAD + 'sunny,3,"1,1\nsunny,3,1,1\n', "a quote is opened and never closed"),
+        ("p.csv", HEAD + 'sunny,3,"1,1\nsunny,3,1,1\n', "row 1 opens a quote and never closes it"),
         (
             "p.xlsx",
             "PK",

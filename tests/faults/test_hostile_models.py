@@ -16,12 +16,10 @@ from pipeline.config.composing import compose
 from pipeline.config.sections import Limits
 from pipeline.core.loop import run_test
 from pipeline.errors import InputError
-from pipeline.execution import pool
+from pipeline.execution import worker
 from pipeline.execution.journal import Journal, Outcome, write
-from pipeline.execution.once import episode
-from pipeline.execution.pool import Pool, in_order
-from pipeline.execution.worker import CONTEXT, Broken, Done, Make, Worker
-from pipeline.execution.workers import Execution, Setup, Workers
+from pipeline.execution.worker import CONTEXT, Broken, Done, Make, Pool, Worker, in_order
+from pipeline.execution.workers import Execution, Setup, Workers, episode
 from pipeline.progress import Progress
 from pipeline.steps import calibrate
 from tests.detectors.test_evaluation import VISIBLE, images
@@ -228,15 +226,15 @@ def test_the_time_in_which_a_run_was_suspended_does_not_count(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = iter([0.0, 3600.0])
-    monkeypatch.setattr(pool, "time", Mock(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(worker, "time", Mock(monotonic=lambda: next(clock)))
     monkeypatch.setattr(
-        pool,
+        worker,
         "Worker",
         lambda _: Mock(connection=CONTEXT.Pipe()[0], look=lambda seconds, _: Done(seconds)),
     )
     make: Make[int, float] = Mock()
     with Pool(1, make) as suspended:
-        assert list(suspended.run([7])) == [(0, pool.LONGEST_TICK_S)]
+        assert list(suspended.run([7])) == [(0, worker.LONGEST_TICK_S)]
 
 
 def test_a_process_works_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
