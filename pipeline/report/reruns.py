@@ -1,4 +1,4 @@
-"""Tests simulated again for the report: the same test gives the same frames."""
+"""Tests executed again for the report: the same test gives the same frames."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pipeline.report.examples import Chosen
 
 
 class Reruns:
-    """Simulates tests again and keeps all their frames; one simulator a scenario, one detector a version.
+    """Executes tests again and keeps all their frames.
 
-    detector_of: makes a version's detector. total: number of tests to come, for `progress`.
+    It makes one simulator a scenario and one detector a version.
     """
 
     def __init__(
@@ -26,40 +26,43 @@ class Reruns:
         total: int,
         progress: OnProgress,
     ) -> None:
-        self._config, self._detector_of, self._total, self._progress = (
-            config,
-            detector_of,
-            total,
-            progress,
-        )
+        """Prepare to execute tests.
+
+        Args:
+            config: The study's configuration.
+            detector_of: Makes the detector of a version.
+            total: Number of tests to come, for `progress`.
+            progress: Called after each test.
+        """
+        self._config, self._detector_of = config, detector_of
+        self._total, self._progress = total, progress
         self._simulators: dict[str, Simulator] = {}
         self._detectors: dict[str, Detector] = {}
         self._done = 0
 
     def execute(self, test: Chosen) -> Episode:
-        """The episode of a test; InputError if it cannot be executed again."""
+        """The episode of a test.
+
+        Raises:
+            InputError: The test cannot be executed again.
+        """
         if test.scenario not in self._simulators:
             scenario = self._config.scenarios[test.scenario]
-            self._simulators[test.scenario] = make_simulator(
-                self._config.simulator, scenario, self._config.car
-            )
+            simulator = make_simulator(self._config.simulator, scenario, self._config.car)
+            self._simulators[test.scenario] = simulator
         if test.version not in self._detectors:
             self._detectors[test.version] = self._detector_of(test.version)
+        simulator, detector = self._simulators[test.scenario], self._detectors[test.version]
+        expected = f"{test.test_id}: expected the test to end as before"
         try:
-            episode = self._simulators[test.scenario].execute(
-                test.concrete, self._detectors[test.version], keep_every=1
-            )
+            episode = simulator.execute(test.concrete, detector, keep_every=1)
         except SimulationError as error:
-            raise InputError(
-                f"{test.test_id}: expected the test to end as before, got an error: {error}"
-            ) from error
+            raise InputError(f"{expected}, got an error: {error}") from error
         except InputError:
             raise
         except Exception as error:  # Foreign code may raise anything.
-            told = machine_error(error)
-            raise told or InputError(
-                f"{test.test_id}: expected the test to end as before, got {type(error).__name__}: {error}"
-            ) from error
+            foreign = InputError(f"{expected}, got {type(error).__name__}: {error}")
+            raise machine_error(error) or foreign from error
         self._done += 1
         self._progress(self._done, self._total, test.heading)
         return episode

@@ -76,7 +76,7 @@ def run(job: Job) -> None:
         version=BASE,
         measures=read(job.input("measures"), Measures),
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
-        known=read_spaces(job.inputs("spaces")),
+        scenarios=read_spaces(job.inputs("spaces")),
         rows=rows,
         learnt=pd.concat(
             [rows[rows["strategy"].isin(sources)], *map(read_tests, job.inputs("later_tests"))],

@@ -542,7 +542,7 @@ def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
         version="base",
         measures=measures,
         regions=regions,
-        known={
+        scenarios={
             found.scenario: (
                 ScenarioInfo(found.scenario, found.label, "", 1),
                 study.config.space(found.scenario),
