@@ -181,7 +181,7 @@ def _sections(
     films: Sequence[Film],
     region_cards: Mapping[str, Sequence[Card]],
 ) -> list[Section]:
-    """The sections on the verdict, the regions, the search and the training; empty ones left out."""
+    """The sections on the verdict, the regions, the search and the training, without empty ones."""
 
     def named(*names: str) -> list[Drawing]:
         return [drawings[name] for name in names if name in drawings]

@@ -225,7 +225,8 @@ def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure]) -> Section
         "weights and train on as many images for as many steps; only the points differ. The test "
         "snapshots show other towns, with the same number for every feasible point. A snapshot is "
         f"right if the vehicle is detected (score {evaluation.threshold:g}, IoU above 0.5) where "
-        "there is one, and nothing else is. Change front_car.seed for another draw of random points."
+        "there is one, and nothing else is. Change front_car.seed for another draw of random "
+        "points."
     )
     metrics = {
         "ap50": "AP50",
