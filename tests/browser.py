@@ -1,4 +1,4 @@
-"""A page in the system's headless Chromium."""
+"""Pages in the system's headless Chromium."""
 
 from __future__ import annotations
 
@@ -6,34 +6,34 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
 @contextmanager
-def browser_page(width: int, height: int) -> Iterator[Page]:
-    """An empty page of that size, in pixels."""
+def open_browser() -> Iterator[Browser]:
+    """The system's Chromium; playwright's is not downloaded."""
+    paths = [path for path in map(shutil.which, NAMES) if path]
+    assert paths, (
+        "no Chromium on this machine; as root: apt-get install -y --no-install-recommends chromium"
+    )
     with sync_playwright() as playwright:
         # Chromium's sandbox does not work for root in a container.
         browser = playwright.chromium.launch(
-            executable_path=_chromium(), args=["--no-sandbox", "--disable-gpu"]
+            executable_path=paths[0], args=["--no-sandbox", "--disable-gpu"]
         )
         try:
-            yield browser.new_page(viewport={"width": width, "height": height})
+            yield browser
         finally:
             browser.close()
 
 
-def _chromium() -> str:
-    """The system's Chromium; playwright's is not downloaded."""
-    found = next(
-        (
-            path
-            for name in ("chromium", "chromium-browser", "google-chrome")
-            if (path := shutil.which(name))
-        ),
-        None,
-    )
-    assert found, (
-        "no Chromium on this machine; as root: apt-get install -y --no-install-recommends chromium"
-    )
-    return found
+@contextmanager
+def new_page(browser: Browser, width: int, height: int) -> Iterator[Page]:
+    """An empty page without cookies or storage. width, height: in pixels."""
+    page = browser.new_page(viewport={"width": width, "height": height})
+    try:
+        yield page
+    finally:
+        page.close()

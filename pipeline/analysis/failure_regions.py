@@ -133,7 +133,7 @@ def _region(name: str, tests: pd.DataFrame, outcomes: Outcomes, group: Group) ->
 def _representatives(
     space: Space, rows: pd.DataFrame, points: Floats
 ) -> tuple[Representative, ...]:
-    """The medoid, the worst failure and the failure furthest from the medoid; each test appears once."""
+    """The medoid, the worst failure and the failure furthest from the medoid, each test once."""
     centre = medoid(space, points)
     # The worst is the hardest contact; without a contact, the smallest adjusted TTC.
     speed_mps = rows["impact_speed_mps"].fillna(0).to_numpy()

@@ -235,7 +235,11 @@ def series_name(measured: CampaignMeasures | StrategyMeasures) -> str:
 
 
 def theta_table(campaigns: Sequence[CampaignMeasures]) -> pd.DataFrame:
-    """Failures found after 1, 2, ... tests: column `tests`, then the mean over seeds by `series_name`."""
+    """Failures found after 1, 2, ... tests.
+
+    Returns:
+        Column `tests`, then the mean over seeds by `series_name`.
+    """
     columns = {}
     for group in by_strategy(campaigns):
         length = min(len(campaign.theta) for campaign in group)

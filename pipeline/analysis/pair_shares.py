@@ -1,4 +1,4 @@
-"""Which pairs of categories tests and failures cover, for each pair of variables of a scenario space."""
+"""Pairs of categories that tests and failures cover, for each two variables of a space."""
 
 from __future__ import annotations
 

@@ -45,7 +45,11 @@ def sentence(
 
 
 def subject(conditions: Sequence[RuleCondition]) -> str:
-    """`Crouching children with rain of at least 40 %`, of a rule's conditions; `People in every test` without any."""
+    """The people and the conditions of a rule.
+
+    Example: `Crouching children with rain of at least 40 %`; without conditions `People in every
+    test`.
+    """
     if not conditions:
         return "People in every test"
     parts: dict[Part, list[str]] = {part: [] for part in Part}

@@ -103,8 +103,8 @@ def test_a_rule_names_the_group_that_all_of_its_tests_belong_to() -> None:
         failure_mode=np.where(failed, "contact", "none"),
         cause=np.where(failed, "box", "none"),
     )
-    found = cluster(ScenarioInfo("F1", "F1", "", 100), space, tests, config.regions)
-    assert found.regions and all(
-        "animation = crouching" in region.groups for region in found.regions
+    clustered = cluster(ScenarioInfo("F1", "F1", "", 100), space, tests, config.regions)
+    assert clustered.regions and all(
+        "animation = crouching" in region.groups for region in clustered.regions
     )
-    assert not any("children" in region.groups for region in found.regions)
+    assert not any("children" in region.groups for region in clustered.regions)

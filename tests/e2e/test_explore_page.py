@@ -22,15 +22,16 @@ SLOW_MS = 120_000
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make()
-    (made.folder / "params.yaml").write_text(dump(made.config, "test"))
-    # This campaign is really executed, so that its tests end as recorded; the others are fabricated.
-    made.run(
+    fabricated = FabricatedStudy(tmp_path_factory.mktemp("study")).make()
+    (fabricated.folder / "params.yaml").write_text(dump(fabricated.config, "test"))
+    # This campaign is really executed, so that its tests end as recorded; the others are
+    # fabricated.
+    fabricated.run(
         "campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed="0"
     )
-    made.analyse()
-    made.run("report")
-    return made
+    fabricated.analyse()
+    fabricated.run("report")
+    return fabricated
 
 
 @pytest.fixture(scope="module")
@@ -47,29 +48,31 @@ def address(study: FabricatedStudy) -> Iterator[str]:
         text=True,
     ) as server:
         assert server.stdout is not None
-        said = server.stdout.readline()
-        yield said.split(" is at ")[1].split()[0]
+        line = server.stdout.readline()
+        yield line.split(" is at ")[1].split()[0]
         server.send_signal(signal.SIGINT)
-        _, told = server.communicate(timeout=30)
-        assert (server.returncode, told) == (130, "blindspot explore: stopped\n")
+        _, errors = server.communicate(timeout=30)
+        assert (server.returncode, errors) == (130, "blindspot explore: stopped\n")
 
 
 @pytest.fixture
 def page(address: str) -> Iterator[Page]:
     """The served report, which must not complain or ask anybody else."""
-    said: list[str] = []
+    complaints: list[str] = []
     with browser_page(1600, 1000) as opened:
-        opened.on("console", lambda message: said.append(message.text))
-        opened.on("pageerror", lambda error: said.append(str(error)))
+        opened.on("console", lambda message: complaints.append(message.text))
+        opened.on("pageerror", lambda error: complaints.append(str(error)))
         ours = (address, f"blob:{address}", "data:")
         opened.on(
             "request",
-            lambda request: None if request.url.startswith(ours) else said.append(request.url),
+            lambda request: (
+                None if request.url.startswith(ours) else complaints.append(request.url)
+            ),
         )
         opened.goto(address)
         opened.wait_for_selector("#explorer[data-ready]")
         yield opened
-    assert said == []
+    assert complaints == []
 
 
 def choose(page: Page, test: str) -> None:

@@ -31,9 +31,9 @@ def search(sampler: BatchSampler, tests: int) -> Search:
         signals = [
             SIMULATOR.execute(THESIS.decode(point), BlindDetector()).signals for point in asked
         ]
-        told = np.array([kpi.evaluate(columns, THRESHOLD_S).adj_ttc_s for columns in signals])
-        sampler.tell(asked, told)
-        points, values = np.concatenate([points, asked]), np.concatenate([values, told])
+        kpis = np.array([kpi.evaluate(columns, THRESHOLD_S).adj_ttc_s for columns in signals])
+        sampler.tell(asked, kpis)
+        points, values = np.concatenate([points, asked]), np.concatenate([values, kpis])
     return points[:tests], values[:tests]
 
 
@@ -51,7 +51,7 @@ def test_the_adaptive_strategy_beats_random_testing(
     adaptive_searches: list[Search], random_searches: list[Search]
 ) -> None:
     adaptive, random = (
-        [failures_of(found) for found in searches]
+        [failures_of(result) for result in searches]
         for searches in (adaptive_searches, random_searches)
     )
     assert sum(adaptive) > 1.5 * sum(random)
@@ -128,14 +128,14 @@ def test_earlier_campaigns_reveal_a_rare_cause() -> None:
     assert knowing > 1.5 * alone
 
 
-def failures_of(found: Search) -> int:
+def failures_of(result: Search) -> int:
     """Number of failures."""
-    return int(np.sum(found[1] <= THRESHOLD_S))
+    return int(np.sum(result[1] <= THRESHOLD_S))
 
 
-def kinds(found: Search) -> int:
+def kinds(result: Search) -> int:
     """Combinations of categories in which tests failed."""
-    points, values = found
+    points, values = result
     categorical = [
         j for j, variable in enumerate(THESIS.variables) if variable.kind == "categorical"
     ]
@@ -144,10 +144,10 @@ def kinds(found: Search) -> int:
 
 def test_each_region_is_one_planted_cause() -> None:
     """At the default study's size: 80 tests of each strategy for each of two seeds."""
-    found, alike, members = zip(
+    named_causes, alike, members = zip(
         *(causes_of((seed, seed + 1)) for seed in range(0, 8, 2)), strict=True
     )
-    assert sum(len(causes) >= 2 for causes in found) >= 3
+    assert sum(len(causes) >= 2 for causes in named_causes) >= 3
     # Not all of them: planted regions overlap, and in the overlap both causes hold.
     assert sum(alike) / sum(members) > 0.9
 
@@ -164,15 +164,15 @@ def causes_of(seeds: tuple[int, int]) -> tuple[set[str], int, int]:
         np.concatenate([values for _, values in used]) <= THRESHOLD_S,
     )
     tests = Outcomes(THESIS, points, failures)
-    planted, found, alike, members = SIMULATOR.planted(points), set(), 0, 0
+    planted, named_causes, alike, members = SIMULATOR.planted(points), set(), 0, 0
     for group in group_failures(
         tests, np.where(failures, "too_late", "none"), CHANCE_NEIGHBOURS, MIN_FAILURES
     ):
         counts = np.bincount(planted[group.members], minlength=len(PLANTED))
         alike, members = alike + int(counts.max()), members + int(group.members.sum())
         cause = PLANTED[int(np.argmax(counts))]
-        found.add(cause.name)
+        named_causes.add(cause.name)
         named = {THESIS.names[condition.variable] for condition in group.rule.conditions}
         assert named & {*cause.intervals, *cause.values}
         assert failures[group.rule.holds(points)].mean() >= MIN_PRECISION
-    return found, alike, members
+    return named_causes, alike, members
