@@ -555,14 +555,14 @@ def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -
 
 
 def test_tests_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
-    study = FabricatedStudy(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make_analysed()
     campaign = study.config.campaign.model_copy(update={"failure_threshold_s": 0.9})
     study.config = study.config.model_copy(update={"campaign": campaign})
     with pytest.raises(
         InputError,
         match=r"tests\.parquet, test \d+: expected a failure at an adjusted TTC of 0\.9 s or below",
     ):
-        study.analyse()
+        study.run("compare")
 
 
 def test_a_false_activation_does_not_contradict_the_threshold(tmp_path: Path) -> None:

@@ -25,15 +25,11 @@ from tests.analysis.fabricated import FabricatedStudy, make_tests
 def test_the_group_that_was_rare_is_counted_in_the_searches_and_in_the_held_out_tests(
     tmp_path: Path,
 ) -> None:
-    study = FabricatedStudy(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make_analysed()
     card = read_card(study.cards[0])
-    write_card(
-        study.cards[0],
-        card.model_copy(
-            update={"training": {**card.training, "rare_children": 0.15, "rare_crouching": 1.0}}
-        ),
-    )
-    study.analyse()
+    training = {**card.training, "rare_children": 0.15, "rare_crouching": 1.0}
+    write_card(study.cards[0], card.model_copy(update={"training": training}))
+    study.run("compare")
     comparison = read(study.root / "comparison.json", Comparison)
     (planted,) = comparison.planted
     assert (planted.group, planted.frequency) == ("children", 0.15)

@@ -456,7 +456,7 @@ def test_a_served_detector_drops_boxes_in_the_border_as_a_tested_one_does() -> N
 
     class Session:
         def run(self, *_: object) -> list[np.ndarray]:
-            """Two boxes in an image of 320x192 pixels, the first in the border above one of 320x120."""
+            """Two boxes in 320x192 pixels, the first in the border above an image of 320x120."""
             return [
                 np.array([[[10, 0, 40, 20], [10, 60, 40, 120]]], np.float32),
                 np.array([[0.9, 0.8]], np.float32),

@@ -1,4 +1,4 @@
-"""Tracking through a real `mlflow server`, with a PostgreSQL store if the machine has one, else SQLite."""
+"""Tracking through a real `mlflow server` with a PostgreSQL store, or SQLite without PostgreSQL."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def free_port() -> int:
 
 @contextmanager
 def postgresql(folder: Path) -> Iterator[str]:
-    """A separate database server, run as the user postgres if the tests run as root, which PostgreSQL refuses."""
+    """A separate database server; as the user postgres if the tests run as root."""
     user = (
         ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"]
         if os.getuid() == 0
@@ -40,11 +40,8 @@ def postgresql(folder: Path) -> Iterator[str]:
     data = folder / "postgresql"
     data.mkdir()
     if user:
-        for path in (
-            data,
-            *list(folder.parents)[:3],
-            folder,
-        ):  # With pytest-xdist, there is one more.
+        # With pytest-xdist, there is one parent more.
+        for path in (data, *list(folder.parents)[:3], folder):
             path.chmod(0o755)
         os.chown(data, pwd.getpwnam("postgres").pw_uid, pwd.getpwnam("postgres").pw_gid)
     data.chmod(0o700)
@@ -60,17 +57,8 @@ def postgresql(folder: Path) -> Iterator[str]:
         )
 
     call("initdb", "-D", str(data), "-U", "blindspot", "--auth=trust")
-    call(
-        "pg_ctl",
-        "-D",
-        str(data),
-        "-w",
-        "-l",
-        str(data / "log"),
-        "-o",
-        f"-p {port} -h 127.0.0.1 -k {data}",
-        "start",
-    )
+    start = ("pg_ctl", "-D", str(data), "-w", "-t", "300", "-l", str(data / "log"))
+    call(*start, "-o", f"-p {port} -h 127.0.0.1 -k {data}", "start")
     try:
         yield f"postgresql+pg8000://blindspot@127.0.0.1:{port}/postgres"
     finally:
@@ -95,18 +83,8 @@ def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
             else f"sqlite:///{tmp_path / 'server.db'}"
         )
         port = free_port()
-        command = [
-            sys.executable,
-            "-m",
-            "mlflow",
-            "server",
-            "--backend-store-uri",
-            store,
-            "--host",
-            "127.0.0.1",
-            "--port",
-            str(port),
-        ]
+        command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", store]
+        command += ["--host", "127.0.0.1", "--port", str(port)]
         command += [
             "--workers",
             "1",
