@@ -44,25 +44,22 @@ class Criterion:
 
 def shows(frames: pd.DataFrame) -> Bools:
     """Whether each frame shows the pedestrian at all, (n,)."""
-    return _column(frames, "visible_pixels") > 0
-
-
-def _column(frames: pd.DataFrame, name: str) -> NDArray[np.float64]:
-    values: NDArray[np.float64] = frames[name].to_numpy(np.float64)
-    return values
+    return np.asarray(frames["visible_pixels"] > 0)
 
 
 def _few_pixels(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
-    return shows(frames) & (_column(frames, "visible_pixels") < section.min_visible_pixels)
+    return shows(frames) & (frames["visible_pixels"].to_numpy(float) < section.min_visible_pixels)
 
 
 def _barely_in_view(frames: pd.DataFrame, _: Bools, __: Filter) -> Bools:
-    pixels, whole = _column(frames, "visible_pixels"), _column(frames, "whole_pixels")
+    pixels, whole = frames["visible_pixels"].to_numpy(float), frames["whole_pixels"].to_numpy(float)
     return shows(frames) & (pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE)
 
 
 def _low_contrast(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
-    shown = detectability(_column(frames, "visible_pixels"), _column(frames, "contrast"))
+    shown = detectability(
+        frames["visible_pixels"].to_numpy(float), frames["contrast"].to_numpy(float)
+    )
     return shows(frames) & (shown < section.min_detectability)
 
 

@@ -34,10 +34,8 @@ def moment(before: Episode, after: Episode) -> tuple[KeptFrame, KeptFrame]:
     Only frames with the same image count. The images differ as soon as one of the cars brakes; the
     first one is always the same.
     """
-
-    def gain(pair: tuple[KeptFrame, KeptFrame]) -> float:
-        return float(pair[1].matching.confidence - pair[0].matching.confidence)
-
     pairs = zip(before.frames, after.frames, strict=False)
     same = [pair for pair in pairs if np.array_equal(pair[0].frame.image, pair[1].frame.image)]
-    return max(reversed(same), key=gain)
+    return max(
+        reversed(same), key=lambda pair: pair[1].matching.confidence - pair[0].matching.confidence
+    )

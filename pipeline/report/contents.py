@@ -152,10 +152,14 @@ def make_page(
     )
     executed_in = set(every["scenario"])
     tested = {name: space for name, space in spaces.items() if name in executed_in}
+    headline = sections.headline(data.regions, data.measures.base_rates)
+    if data.compared is not None:
+        verdict = verdict_section.headline(data.compared.comparison)
+        headline = " ".join([verdict, *sections.largest_regions(data.regions)])
     question = ", and did retraining help?" if data.cards else "?"
     return Page(
         config.study,
-        _headline(data),
+        headline,
         tuple(shown),
         f"Where does the detector fail{question}",
         explorer(every, data.every_label, tested, data.regions, frames),
@@ -215,13 +219,6 @@ def _sections(
         calibrations = tuple(data.calibrations.values())
         result.append(sections.calibration_section(calibrations, named("reliability")))
     return result
-
-
-def _headline(data: ReportData) -> str:
-    if data.compared is None:
-        return sections.headline(data.regions, data.measures.base_rates)
-    verdict = verdict_section.headline(data.compared.comparison)
-    return " ".join([verdict, *sections.largest_regions(data.regions)])
 
 
 def _first(

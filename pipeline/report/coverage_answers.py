@@ -86,8 +86,15 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Answer, str]
         "next": next_points(space, raising.points, demands[-1]) if missing else [],
     }
     if options.figures:
-        paths = _draw(options, space, growth(raising, coverage), every[0] if pairs else None)
-        answer["figures"] = [str(path) for path in paths]
+        from pipeline.report import coverage_plots as plots
+        from pipeline.report.style import save_png
+
+        figures = {"growth": plots.growth(growth(raising, coverage), options.k)}
+        if pairs:
+            figures["planes"] = plots.heat_maps(every[0], space)
+        answer["figures"] = [str(options.figures / f"{name}.png") for name in figures]
+        for name, figure in figures.items():
+            save_png(figure, options.figures / f"{name}.png")
     return answer, "\n".join([*imperfect_text(answer), score_text(answer, space)])
 
 
@@ -310,24 +317,6 @@ def _total(path: Path, every: Iterable[Plane]) -> Coverage:
         return total(every)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def _draw(
-    options: argparse.Namespace,
-    space: Space,
-    shares: list[tuple[int, float]],
-    pairs: list[Plane] | None,
-) -> list[Path]:
-    """Write the figures into the folder of --figures; returns their paths."""
-    from pipeline.report import coverage_plots as plots
-    from pipeline.report.style import save_png
-
-    paths = [options.figures / "growth.png"]
-    save_png(plots.growth(shares, options.k), paths[0])
-    if pairs is not None:
-        paths.append(options.figures / "planes.png")
-        save_png(plots.heat_maps(pairs, space), paths[1])
-    return paths
 
 
 def _announce_compilation() -> None:

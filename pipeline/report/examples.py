@@ -113,15 +113,20 @@ def choose_fixes(
     if paired is None:
         return []
     rare = {group.group for group in comparison.planted}
-    left = {test: _groups(test, table, spaces[test.scenario]) for test in paired.fixes}
+    left = {}
+    for test in paired.fixes:
+        space = spaces[test.scenario]
+        rows = table[(table["scenario"] == test.scenario) & (table["index"] == test.index)].head(1)
+        groups = named_groups(space, encode_tests(rows, space))
+        left[test] = {name for name, members in groups.items() if members[0]}
     shown: set[str] = set()
     chosen: list[Fix] = []
     while left and len(chosen) < limit:
         test = max(left, key=lambda test: (len(left[test] & rare - shown), len(left[test] - shown)))
-        groups = left.pop(test)
-        shown |= groups
+        groups_of_test = left.pop(test)
+        shown |= groups_of_test
         both = _both(comparison, paired, test, "fix", table, spaces)
-        chosen.append(Fix(tuple(sorted(groups)), *both))
+        chosen.append(Fix(tuple(sorted(groups_of_test)), *both))
     return chosen
 
 
@@ -132,12 +137,6 @@ def _ranked(comparison: Comparison) -> list[VersionPair]:
         key=lambda result: (result.version != comparison.champion, result.failures),
     )
     return [result.paired for result in ranked if result.paired]
-
-
-def _groups(test: SequenceTest, table: pd.DataFrame, space: Space) -> set[str]:
-    rows = table[(table["scenario"] == test.scenario) & (table["index"] == test.index)].head(1)
-    groups = named_groups(space, encode_tests(rows, space))
-    return {name for name, members in groups.items() if members[0]}
 
 
 def _both(

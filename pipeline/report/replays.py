@@ -134,7 +134,17 @@ def draw_replay(replay: Replay) -> list[Pixels]:
     """The frames of a replay, each (height, width, 3) uint8 RGB with even height and width."""
     kpi = evaluate(replay.episode.signals, replay.failure_threshold_s)
     layout = _layout(replay.episode, _side_text(replay, kpi), kpi, replay.failure_threshold_s)
-    return [_compose(layout, kept) for kept in replay.episode.frames]
+    images = []
+    for kept in replay.episode.frames:
+        canvas = layout.canvas.copy()
+        view = canvas[:FRAME_HEIGHT, : layout.frame_width]
+        view[:] = draw_view(kept)
+        share = min(1.0, kept.frame.time_s / layout.last_s) if layout.last_s > 0 else 0.0
+        column = round(layout.signal_left + share * (layout.signal_right - layout.signal_left))
+        canvas[layout.signal_top : layout.signal_bottom, column - 1 : column + 1] = CURSOR
+        _label(view, f"{kept.frame.time_s:.1f} s", 10, FRAME_HEIGHT - 8, colour=(60, 66, 74))
+        images.append(canvas)
+    return images
 
 
 def draw_view(kept: KeptFrame) -> Pixels:
@@ -268,17 +278,6 @@ def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) ->
     axis.set(xlim=(0, max(float(time_s[-1]), 0.1)), xlabel="time (s)")
     smallest = f"smallest adj. TTC {kpi.adj_ttc_s:.2f} s"
     axis.set_title("no collision path" if np.isnan(shown).all() else smallest, fontsize=12)
-
-
-def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
-    canvas = layout.canvas.copy()
-    view = canvas[:FRAME_HEIGHT, : layout.frame_width]
-    view[:] = draw_view(kept)
-    share = min(1.0, kept.frame.time_s / layout.last_s) if layout.last_s > 0 else 0.0
-    column = round(layout.signal_left + share * (layout.signal_right - layout.signal_left))
-    canvas[layout.signal_top : layout.signal_bottom, column - 1 : column + 1] = CURSOR
-    _label(view, f"{kept.frame.time_s:.1f} s", 10, FRAME_HEIGHT - 8, colour=(60, 66, 74))
-    return canvas
 
 
 def _rectangle(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.artefacts.comparison_results import Comparison, GroupPair, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, GroupPair
 from pipeline.artefacts.failure_counts import Count
 from pipeline.artefacts.model_card import Frequencies
 from pipeline.core.lineage import Version
@@ -18,20 +18,21 @@ PLANTED = "Planted blind spots: people and poses that the base set shows rarely\
 
 def verdict_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """One row a version, columns as `HEADERS`; the champion carries a star."""
-    return [_row(result, comparison) for result in comparison.versions]
-
-
-def _row(result: VersionResult, comparison: Comparison) -> tuple[str, ...]:
-    name = f"{result.version} ★" if result.version == comparison.champion else result.version
-    counts = f"{result.failures} / {result.tests}"
-    if result.paired is None:
-        return name, counts, "", "", f"{result.verdict}{_kind_of_base(comparison)}"
-    change = f"{result.change:+d}" if result.change else "0"
-    fixes, regressions = len(result.paired.fixes), len(result.paired.regressions)
-    fixes_text = f"{fixes} {'fix' if fixes == 1 else 'fixes'}"
-    regressions_text = f"{regressions} {'regression' if regressions == 1 else 'regressions'}"
-    detail = f"{change} ({fixes_text}, {regressions_text})"
-    return name, counts, detail, f"{result.paired.p_value:.2g}", result.verdict
+    rows = []
+    for result in comparison.versions:
+        star = " ★" if result.version == comparison.champion else ""
+        change, p_value, verdict = "", "", str(result.verdict)
+        if result.paired is None:
+            verdict += _kind_of_base(comparison)
+        else:
+            fixes, regressions = len(result.paired.fixes), len(result.paired.regressions)
+            changed = f"{fixes} {'fix' if fixes == 1 else 'fixes'}"
+            changed += f", {regressions} {'regression' if regressions == 1 else 'regressions'}"
+            change = f"{result.change:+d} ({changed})" if result.change else f"0 ({changed})"
+            p_value = f"{result.paired.p_value:.2g}"
+        counts = f"{result.failures} / {result.tests}"
+        rows.append((f"{result.version}{star}", counts, change, p_value, verdict))
+    return rows
 
 
 def _kind_of_base(comparison: Comparison) -> str:

@@ -49,17 +49,13 @@ def connect(store: Path) -> MlflowClient:
     logging.getLogger("alembic").setLevel(logging.WARNING)
     if address is None and not store.exists():
         _make_store(store)
-    return _client(address or _uri(store))
+    return _client(address or f"sqlite:///{store.resolve()}")
 
 
 def _client(uri: str) -> MlflowClient:
     from mlflow import MlflowClient
 
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
-
-
-def _uri(store: Path) -> str:
-    return f"sqlite:///{store.resolve()}"
 
 
 def _make_store(store: Path) -> None:
@@ -70,7 +66,7 @@ def _make_store(store: Path) -> None:
     making = store.with_name(f".{store.name}.making")
     store.parent.mkdir(parents=True, exist_ok=True)
     making.unlink(missing_ok=True)
-    _client(_uri(making)).search_experiments(max_results=1)
+    _client(f"sqlite:///{making.resolve()}").search_experiments(max_results=1)
     with making.open("rb") as file:
         os.fsync(file.fileno())
     making.rename(store)

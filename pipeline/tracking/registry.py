@@ -72,7 +72,8 @@ class Registry:
         """
         content, model = registration.content, registration.model
         run_id = self._tracker.log(content, parent)
-        logged_models = self._logged_models(registration.digest)
+        query = f"tags.`{DIGEST}` = '{registration.digest}'"
+        logged_models = self._client.search_logged_models([self._tracker.experiment], query)
         sources = {logged.artifact_location for logged in logged_models}
         versions = self._client.search_model_versions(f"name = '{model}' and run_id = '{run_id}'")
         for version in versions:
@@ -165,12 +166,6 @@ class Registry:
             self._client.log_batch(run_id, metrics=metrics)
         self._tracker.log_results(run_id, content, _newest(logged), logged.model_id)
         return self._client.finalize_logged_model(logged.model_id, "READY")
-
-    def _logged_models(self, digest: str) -> Sequence[LoggedModel]:
-        models: Sequence[LoggedModel] = self._client.search_logged_models(
-            [self._tracker.experiment], f"tags.`{DIGEST}` = '{digest}'"
-        )
-        return models
 
 
 def _newest(logged: LoggedModel) -> dict[str, float]:

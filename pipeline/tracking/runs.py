@@ -143,7 +143,7 @@ class Tracker:
         self._log_numbers(run_id, content)
         self.log_results(run_id, content, run.data.metrics)
         if content.data:
-            self.client.log_inputs(run_id, [_dataset(data) for data in content.data])
+            self.client.log_inputs(run_id, _inputs(content.data))
         for path in content.files:
             self.client.log_artifact(run_id, str(path))
         self._log_pictures(run_id, content)
@@ -229,8 +229,12 @@ def _named_digests(paths: Sequence[Path]) -> list[tuple[str, str]]:
     return sorted((path.name, sha256(path)) for path in paths)
 
 
-def _dataset(data: DataSet) -> Any:
+def _inputs(sets: Sequence[DataSet]) -> list[Any]:
+    """Data sets in MLflow's form."""
     from mlflow.entities import Dataset, DatasetInput, InputTag
 
-    described = Dataset(data.name, data.digest[:32], "local", json.dumps({"uri": data.source}))
-    return DatasetInput(described, [InputTag("mlflow.data.context", data.context)])
+    inputs = []
+    for data in sets:
+        described = Dataset(data.name, data.digest[:32], "local", json.dumps({"uri": data.source}))
+        inputs.append(DatasetInput(described, [InputTag("mlflow.data.context", data.context)]))
+    return inputs
