@@ -48,12 +48,14 @@ def shows(frames: pd.DataFrame) -> Bools:
 
 
 def _few_pixels(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
-    return shows(frames) & (frames["visible_pixels"].to_numpy(float) < section.min_visible_pixels)
+    few = np.asarray(frames["visible_pixels"] < section.min_visible_pixels)
+    return shows(frames) & few
 
 
 def _barely_in_view(frames: pd.DataFrame, _: Bools, __: Filter) -> Bools:
     pixels, whole = frames["visible_pixels"].to_numpy(float), frames["whole_pixels"].to_numpy(float)
-    return shows(frames) & (pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE)
+    barely = np.asarray(pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE)
+    return shows(frames) & barely
 
 
 def _low_contrast(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
@@ -76,7 +78,7 @@ def _near_duplicate(frames: pd.DataFrame, kept: Bools, _: Filter) -> Bools:
             continue
         shown = cv2.resize(decode_jpeg(image), THUMBNAIL, interpolation=cv2.INTER_AREA).mean(axis=2)
         if last is not None and last[0] == test_id:
-            _, shown_before, box_before = last
+            shown_before, box_before = last[1:]
             same_image = np.abs(shown - shown_before).mean() < SAME_GREY
             repeats[row] = same_image and _same_box(boxes[row], box_before)
         if not repeats[row]:

@@ -6,6 +6,7 @@ Cheng et al., Table 1 and Figure 4.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -80,7 +81,12 @@ def pair_matrix(shares: Sequence[PairShare], title: str) -> Figure:
                 values[cell] = 100 * getattr(share, field) / share.feasible
             shown = values[1:, :-1]
             _shade(axis, shown, 100)
-            centred = {"ha": "center", "va": "center", "fontsize": 8.5, "color": "#20262e"}
+            centred: dict[str, Any] = {
+                "ha": "center",
+                "va": "center",
+                "fontsize": 8.5,
+                "color": "#20262e",
+            }
             for row, column in np.argwhere(np.isfinite(shown)):
                 axis.text(column, row, f"{shown[row, column]:.0f}", **centred)
             labels = [name.replace("_", " ") for name in names]

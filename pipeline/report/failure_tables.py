@@ -62,7 +62,7 @@ def braking_in_search(
         Rows of version, scenario, strategy and `braking_cells`, headers first; empty if the right
         answer is to brake in all scenarios.
     """
-    rows = [("version", "scenario", "strategy", *BRAKING)]
+    rows: list[tuple[str, ...]] = [("version", "scenario", "strategy", *BRAKING)]
     for row in measures.strategies:
         if row.scenario in measures.no_braking:
             label = (labels or {}).get(row.scenario, row.scenario)
@@ -77,7 +77,7 @@ def braking_held_out(comparison: Comparison) -> list[tuple[str, ...]]:
         Rows of version, scenario and `braking_cells`, headers first; empty if the right answer is
         to brake in all scenarios.
     """
-    rows = [("version", "scenario", *BRAKING)]
+    rows: list[tuple[str, ...]] = [("version", "scenario", *BRAKING)]
     for result in comparison.versions:
         for name in comparison.no_braking:
             cells = braking_cells(result.scenarios[name].false_activations)

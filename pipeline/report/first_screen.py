@@ -61,7 +61,8 @@ def no_fix(base: VersionResult) -> FirstScreen:
 
 def person(concrete: Mapping[str, Value], space: Space) -> str:
     """`A crouching child under an umbrella`, of a concrete scenario."""
-    poses, others = [], []
+    poses: list[str] = []
+    others: list[str] = []
     for word in meanings(space, people.WORDS):
         variable = space.variables[word.variable]
         if int(variable.encode(concrete[variable.name])) in word.values:

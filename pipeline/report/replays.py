@@ -170,7 +170,7 @@ def draw_view(kept: KeptFrame) -> Pixels:
 def _frame_width(image: Pixels) -> int:
     """Even width of an image that is scaled to `FRAME_HEIGHT`."""
     height, width = image.shape[:2]
-    return round(FRAME_HEIGHT * width / height / 2) * 2
+    return 2 * round(float(FRAME_HEIGHT * width / height / 2))
 
 
 def outcome_text(kpi: Kpi) -> str:

@@ -82,7 +82,7 @@ def kpi_panels(
 
 def _scatter_modes(axis: Axes, tests: pd.DataFrame) -> None:
     # Passed tests come first, below the failures.
-    modes = [*reversed(MODE_COLOURS)]
+    modes = [*MODE_COLOURS][::-1]
     # Unnecessary braking exists only in scenarios in which the right answer is not to brake.
     if not (tests["failure_mode"] == "false_activation").any():
         modes.remove("false_activation")

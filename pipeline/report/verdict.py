@@ -18,7 +18,7 @@ PLANTED = "Planted blind spots: people and poses that the base set shows rarely\
 
 def verdict_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """One row a version, columns as `HEADERS`; the champion carries a star."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for result in comparison.versions:
         star = " ★" if result.version == comparison.champion else ""
         change, p_value, verdict = "", "", str(result.verdict)

@@ -27,8 +27,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
     fabricated.config = fabricated.config.model_copy(update={"report": section})
     (fabricated.folder / "params.yaml").write_text(dump(fabricated.config, "test"))
     # This campaign is really executed, so its tests end as recorded; the others are fabricated.
-    campaign = {"scenario": "F1", "strategy": "random", "version": "base", "seed": "0"}
-    fabricated.run("campaign", kind="campaigns", **campaign)
+    fabricated.run(
+        "campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed="0"
+    )
     fabricated.run("report")
     return fabricated
 
