@@ -48,13 +48,13 @@ def shows(frames: pd.DataFrame) -> Bools:
 
 
 def _few_pixels(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
-    few = np.asarray(frames["visible_pixels"] < section.min_visible_pixels)
+    few: Bools = np.asarray(frames["visible_pixels"] < section.min_visible_pixels)
     return shows(frames) & few
 
 
 def _barely_in_view(frames: pd.DataFrame, _: Bools, __: Filter) -> Bools:
     pixels, whole = frames["visible_pixels"].to_numpy(float), frames["whole_pixels"].to_numpy(float)
-    barely = np.asarray(pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE)
+    barely: Bools = np.asarray(pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE)
     return shows(frames) & barely
 
 

@@ -161,7 +161,7 @@ def at_second_iou(difference: float, p_value: float) -> Comparison:
 
 
 @pytest.mark.parametrize(
-    ("difference", "p_value", "found"), [(-7, 0.02, True), (-7, 0.2, False), (7, 0.02, False)]
+    ("difference", "p_value", "holds"), [(-7, 0.02, True), (-7, 0.2, False), (7, 0.02, False)]
 )
 def test_a_difference_holds_at_the_second_iou_if_it_is_shown_there_with_the_same_sign(
     difference: float, p_value: float, holds: bool

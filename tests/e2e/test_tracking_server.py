@@ -14,6 +14,7 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.error import URLError
 
 import pytest
@@ -30,21 +31,25 @@ def free_port() -> int:
 
 
 @contextmanager
-def postgresql(folder: Path) -> Iterator[str]:
+def postgresql() -> Iterator[str]:
     """A separate database server; as the user postgres if the tests run as root."""
-    user = (
-        ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"]
-        if os.getuid() == 0
-        else []
-    )
-    data = folder / "postgresql"
-    data.mkdir()
-    if user:
-        # With pytest-xdist, there is one parent more.
-        for path in (data, *list(folder.parents)[:3], folder):
-            path.chmod(0o755)
-        os.chown(data, pwd.getpwnam("postgres").pw_uid, pwd.getpwnam("postgres").pw_gid)
-    data.chmod(0o700)
+    user = []
+    if os.getuid() == 0:
+        user = ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"]
+    # Not in pytest's folder, which every start of pytest closes to other users.
+    with TemporaryDirectory() as folder:
+        data = Path(folder) / "postgresql"
+        data.mkdir(mode=0o700)
+        if user:
+            Path(folder).chmod(0o755)
+            shutil.chown(data, "postgres", "postgres")
+        with running(user, data) as address:
+            yield address
+
+
+@contextmanager
+def running(user: list[str], data: Path) -> Iterator[str]:
+    """A database server on a free port. user: words before its commands."""
     port = free_port()
 
     def call(*words: str) -> None:
@@ -78,7 +83,7 @@ def has_postgresql() -> bool:
 def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     with ExitStack() as stack:
         store = (
-            stack.enter_context(postgresql(tmp_path))
+            stack.enter_context(postgresql())
             if has_postgresql()
             else f"sqlite:///{tmp_path / 'server.db'}"
         )
