@@ -102,7 +102,7 @@ def fabricated(tests: int, folder: Path) -> Path:
             cluster(info, spaces[info.name], by_scenario[info.name], config.regions)
             for info in infos
         ),
-        known={info.name: (info, spaces[info.name]) for info in infos},
+        scenarios={info.name: (info, spaces[info.name]) for info in infos},
         rows=rows,
         learnt=rows,
         detectors={"base": Path()},

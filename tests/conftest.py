@@ -22,7 +22,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests of modules that open pages: `./run test` leaves them out without a browser."""
     for item in items:
-        if hasattr(getattr(item, "module", None), "browser_page"):
+        if hasattr(getattr(item, "module", None), "open_browser"):
             item.add_marker(pytest.mark.browser)
 
 

@@ -1,4 +1,4 @@
-"""The comparison of model versions as an artefact: from the held-out tests to comparison.json, changes.csv and metrics/."""
+"""The comparison of model versions: from held-out tests to comparison.json and changes.csv."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from pipeline.artefacts.tables import is_valid
 from pipeline.config.sections import Regions
 from pipeline.core import comparison as core
 from pipeline.core.comparison import Bools, Interval, SequenceOutcomes
-from pipeline.core.gate import Gate, Part, Policy, champion, gate
+from pipeline.core.gate import Gate, Policy, champion, gate
 from pipeline.core.lineage import Version
 from pipeline.core.space import Space
 
@@ -56,25 +56,33 @@ def compare(
     policy: Policy,
     version_of: Callable[[str], Version] = Version.named,
 ) -> Comparison:
-    """Count failures, compare versions pair by pair and judge them. named: the named groups of tests, name -> (n,) bool. digest: of the
-    sequence. regions: of the base. version_of: the version of a name."""
+    """Count failures, compare versions pair by pair and judge them.
+
+    Args:
+        held_out: The held-out tests of all versions, n each.
+        named: Named groups of tests, name -> (n,) bool.
+        digest: Digest of the held-out sequence.
+        regions: Failure regions of the base.
+        policy: Conditions of the gate.
+        version_of: Lineage of a version by its name.
+    """
     results = _Results(held_out, policy, version_of)
     versions, groups = held_out.versions, results.groups()
     group_pairs = results.group_pairs(groups)
     over_seeds = {pair.group: pair for pair in group_pairs if pair.against == groups[0].group}
     parts = parts_of(held_out, named)
-    gates = {
-        version: results.gate(version, over_seeds[version_of(version).group], parts)
-        for version in versions[1:]
-    }
-    passing = tuple(version for version, found in gates.items() if found.passes)
+    reference, gates = results.outcomes[versions[0]], {}
+    for version in versions[1:]:
+        fewer_over_seeds = over_seeds[version_of(version).group].shows_fewer(policy.alpha)
+        outcomes = results.outcomes[version]
+        gates[version] = gate(reference, outcomes, fewer_over_seeds, parts, policy)
+    passing = tuple(version for version, judged in gates.items() if judged.passes)
     base, *others = (results.version(version, gates.get(version)) for version in versions)
-    reasons = {
-        other.version: gate_reason(
-            gates[other.version], base, other, over_seeds[other.group], policy
-        )
-        for other in others
-    }
+    reasons = {base.version: "the reference"}
+    for other in others:
+        judged, pair = gates[other.version], over_seeds[other.group]
+        reasons[other.version] = gate_reason(judged, base, other, pair, policy)
+    pairs = [results.pair(against, version) for against, version in combinations(versions, 2)]
     return Comparison(
         strategy=str(held_out.joined["strategy"].iloc[0]),
         scenarios=dict(held_out.labels),
@@ -85,12 +93,10 @@ def compare(
         versions=(base, *others),
         groups=groups,
         group_pairs=group_pairs,
-        pairs=tuple(
-            results.pair(against, version) for against, version in combinations(versions, 2)
-        ),
+        pairs=tuple(pairs),
         regions=tuple(regions),
         champion=champion(results.outcomes, passing),
-        gate={base.version: "the reference"} | reasons,
+        gate=reasons,
         passing=passing,
         no_braking=held_out.no_braking,
     )
@@ -103,7 +109,15 @@ def compared_again(
     policy: Policy,
     version_of: Callable[[str], Version] = Version.named,
 ) -> SecondIou:
-    """The groups of versions once more, on the same tests judged at a second IoU instead of the first."""
+    """The groups of versions on the same tests, judged at a second IoU instead of the first.
+
+    Args:
+        held_out: The held-out tests, judged at the second IoU.
+        iou: The second IoU.
+        first: The first IoU.
+        policy: Confidence of the intervals.
+        version_of: Lineage of a version by its name.
+    """
     results = _Results(held_out, policy, version_of)
     groups = results.groups()
     return SecondIou(iou=iou, first=first, groups=groups, group_pairs=results.group_pairs(groups))
@@ -134,22 +148,23 @@ class _Results:
         """scenario: None for all scenarios."""
         tests = np.array(self.held_out.tests, dtype=object)
         rows = np.ones(len(tests), bool) if scenario is None else self.held_out.scenarios[scenario]
-        found = core.pair(self.outcomes[against].at(rows), self.outcomes[version].at(rows))
+        paired = core.pair(self.outcomes[against].at(rows), self.outcomes[version].at(rows))
         return VersionPair(
             version=version,
             against=against,
-            tests=found.tests,
-            fixes=tuple(tests[rows][found.fixed]),
-            regressions=tuple(tests[rows][found.regressed]),
-            p_value=found.p_value,
+            tests=paired.tests,
+            fixes=tuple(tests[rows][paired.fixed]),
+            regressions=tuple(tests[rows][paired.regressed]),
+            p_value=paired.p_value,
         )
 
-    def version(self, version: str, found: Gate | None) -> VersionResult:
-        """found: by the gate; None for the base."""
+    def version(self, version: str, judged: Gate | None) -> VersionResult:
+        """judged: by the gate; None for the base."""
         outcomes, described = self.outcomes[version], self.version_of(version)
         rows = self.held_out.rows(version)
         valid = rows[is_valid(rows)]
         paired = None if version == self.base else self.pair(self.base, version)
+        limits = () if judged is None else judged.limits
         return VersionResult(
             version=version,
             group=described.group,
@@ -164,9 +179,7 @@ class _Results:
             change=0 if paired is None else len(paired.regressions) - len(paired.fixes),
             paired=paired,
             verdict="baseline" if paired is None else paired.verdict(self.policy.alpha),
-            limits=()
-            if found is None
-            else tuple(LimitResult(**asdict(limit)) for limit in found.limits),
+            limits=tuple(LimitResult(**asdict(limit)) for limit in limits),
         )
 
     def scenario(self, version: str, scenario: str) -> ScenarioResult:
@@ -180,60 +193,47 @@ class _Results:
         )
 
     def groups(self) -> tuple[GroupResult, ...]:
-        """Groups of versions that differ only by the seed of retraining (our form of thesis Table 7.2)."""
+        """Groups of versions that differ only by the seed of retraining (cf. thesis Table 7.2)."""
         members: dict[str, list[str]] = {}
         for version in self.held_out.versions:
             members.setdefault(self.version_of(version).group, []).append(version)
         return tuple(self.group(name, versions) for name, versions in members.items())
 
     def group(self, name: str, versions: Sequence[str]) -> GroupResult:
-        members = [self.outcomes[version] for version in versions]
+        def failures_at(rows: Bools) -> Estimate:
+            members = [self.outcomes[version].at(rows & self.valid) for version in versions]
+            return _estimate(core.group_failures(members, self.policy.confidence))
+
         base = self.outcomes[self.base].at(self.valid).failures
-        failures = _estimate(
-            core.group_failures(
-                [member.at(self.valid) for member in members], self.policy.confidence
-            )
-        )
-        parts = {
-            name: [member.at(rows & self.valid) for member in members]
-            for name, rows in self.held_out.scenarios.items()
-        }
+        failures = failures_at(self.valid)
+        scenarios = {name: failures_at(rows) for name, rows in self.held_out.scenarios.items()}
         return GroupResult(
             group=name,
             round=self.version_of(versions[0]).round,
             versions=tuple(versions),
             tests=int(self.valid.sum()),
             failures=failures,
-            scenarios={
-                scenario: _estimate(core.group_failures(part, self.policy.confidence))
-                for scenario, part in parts.items()
-            },
+            scenarios=scenarios,
             against_base=failures.value / base if base else None,
         )
 
     def group_pairs(self, groups: Sequence[GroupResult]) -> tuple[GroupPair, ...]:
         """Each group against every earlier one."""
-        return tuple(self.group_pair(against, group) for against, group in combinations(groups, 2))
-
-    def group_pair(self, against: GroupResult, group: GroupResult) -> GroupPair:
-        before, after = (
-            [self.outcomes[version] for version in found.versions] for found in (against, group)
-        )
-        found = core.pair_groups(before, after, self.policy.confidence)
-        return GroupPair(
-            group=group.group,
-            against=against.group,
-            tests=found.tests,
-            difference=_estimate(found.difference),
-            p_value=found.p_value,
-        )
-
-    def gate(self, version: str, over_seeds: GroupPair, parts: Sequence[Part]) -> Gate:
-        """over_seeds: the version's group against the base."""
-        fewer_over_seeds = over_seeds.shows_fewer(self.policy.alpha)
-        return gate(
-            self.outcomes[self.base], self.outcomes[version], fewer_over_seeds, parts, self.policy
-        )
+        pairs = []
+        for against, group in combinations(groups, 2):
+            before = [self.outcomes[version] for version in against.versions]
+            after = [self.outcomes[version] for version in group.versions]
+            paired = core.pair_groups(before, after, self.policy.confidence)
+            pairs.append(
+                GroupPair(
+                    group=group.group,
+                    against=against.group,
+                    tests=paired.tests,
+                    difference=_estimate(paired.difference),
+                    p_value=paired.p_value,
+                )
+            )
+        return tuple(pairs)
 
 
 def _estimate(interval: Interval) -> Estimate:
@@ -243,73 +243,71 @@ def _estimate(interval: Interval) -> Estimate:
 def base_regions(
     held_out: HeldOut, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions
 ) -> list[RegionResult]:
-    """The base's failure regions on the sequence, scenario by scenario, with every version's failures inside their rules."""
-    return [
-        result
-        for info, space in spaces.values()
-        for result in _regions_of(held_out, info, space, section)
-    ]
+    """The base's failure regions on the sequence, with every version's failures inside their rules.
 
-
-def _regions_of(
-    held_out: HeldOut, info: ScenarioInfo, space: Space, section: Regions
-) -> list[RegionResult]:
-    tests = {version: held_out.tables[info.name, version] for version in held_out.versions}
-    base = tests[held_out.versions[0]]
-    valid = base[is_valid(base)].reset_index(drop=True)
-    points, results = encode_tests(base, space), []
-    counted = np.all([is_valid(rows) for rows in tests.values()], axis=0)
-    for found in find_regions(info, space, valid, section):
-        inside, region = counted & found.group.rule.holds(points), found.region
-        failures = {
-            version: int((rows["failure"].to_numpy(bool) & inside).sum())
-            for version, rows in tests.items()
-        }
-        results.append(
-            RegionResult(
-                scenario=info.name,
-                name=region.name,
-                rule=region.rule,
-                tests=int(inside.sum()),
-                failures=failures,
+    Args:
+        held_out: The held-out tests of all versions.
+        spaces: Scenario -> the scenario and its space.
+        section: Settings of the search for regions.
+    """
+    results = []
+    for info, space in spaces.values():
+        tests = {version: held_out.tables[info.name, version] for version in held_out.versions}
+        base = tests[held_out.versions[0]]
+        valid = base[is_valid(base)].reset_index(drop=True)
+        points = encode_tests(base, space)
+        counted = np.all([is_valid(rows) for rows in tests.values()], axis=0)
+        for grouped in find_regions(info, space, valid, section):
+            inside = counted & grouped.group.rule.holds(points)
+            failures = {}
+            for version, rows in tests.items():
+                failures[version] = int((rows["failure"].to_numpy(bool) & inside).sum())
+            results.append(
+                RegionResult(
+                    scenario=info.name,
+                    name=grouped.region.name,
+                    rule=grouped.region.rule,
+                    tests=int(inside.sum()),
+                    failures=failures,
+                )
             )
-        )
     return results
 
 
 def changed_tests(
     comparison: Comparison, tests: pd.DataFrame, variables: Sequence[str]
 ) -> pd.DataFrame:
-    """Every fix (the base fails, the version passes) and every regression (the reverse), with the KPIs of both versions.
+    """Every fix and every regression, with the KPIs of both versions.
 
-    tests: rows of all versions and scenarios. variables: of the space, added as columns.
+    Args:
+        comparison: The compared versions.
+        tests: Rows of all versions and scenarios.
+        variables: Variables of the space, added as columns.
+
+    Returns:
+        One row a changed test, columns of changes.csv.
     """
     keyed = tests.set_index(["version", "scenario", "index"])
     base = comparison.versions[0].version
     rows = []
     for result in comparison.versions:
-        changes = (
-            []
-            if result.paired is None
-            else [("regression", result.paired.regressions), ("fix", result.paired.fixes)]
-        )
-        for change, changed in changes:
-            for test in changed:
-                before, after = (
-                    keyed.loc[(version, test.scenario, test.index)]
-                    for version in (base, result.version)
-                )
-                row = {
-                    "version": result.version,
-                    "against": base,
-                    "change": change,
-                    "scenario": test.scenario,
-                    "index": test.index,
-                }
-                row |= {f"{name}_before": before[name] for name in CHANGED} | {
-                    f"{name}_after": after[name] for name in CHANGED
-                }
-                rows.append(row | {name: before[name] for name in variables})
+        if result.paired is None:
+            continue
+        changes = [("regression", test) for test in result.paired.regressions]
+        changes += [("fix", test) for test in result.paired.fixes]
+        for change, test in changes:
+            before = keyed.loc[(base, test.scenario, test.index)]
+            after = keyed.loc[(result.version, test.scenario, test.index)]
+            row = {
+                "version": result.version,
+                "against": base,
+                "change": change,
+                "scenario": test.scenario,
+                "index": test.index,
+            }
+            row |= {f"{name}_before": before[name] for name in CHANGED}
+            row |= {f"{name}_after": after[name] for name in CHANGED}
+            rows.append(row | {name: before[name] for name in variables})
     columns = ["version", "against", "change", "scenario", "index"]
     columns += [f"{name}_{when}" for when in ("before", "after") for name in CHANGED]
     return pd.DataFrame(rows, columns=[*columns, *variables])
@@ -318,24 +316,29 @@ def changed_tests(
 def shown_metrics(
     comparison: Comparison, measures: Measures, detection: Mapping[str, Mapping[str, float]]
 ) -> dict[str, dict[str, float]]:
-    """The table of `dvc metrics show`: the file of each row, with its columns. detection: metrics of each version on validation images."""
+    """The table of `dvc metrics show`.
+
+    Args:
+        comparison: The compared versions.
+        measures: Measures of the searches.
+        detection: Version -> its metrics on validation images.
+
+    Returns:
+        File of a row -> its columns.
+    """
     rows: dict[str, dict[str, float]] = {}
     for result in comparison.versions:
-        row = rows[f"held_out/{result.version}.json"] = _counted(
-            result.failures, result.tests, result.rate
-        )
-        row |= {
-            name: round(value, 4)
-            for name, value in detection.get(result.version, {}).items()
-            if name in DETECTION
-        }
+        row = _counted(result.failures, result.tests, result.rate)
+        for name, value in detection.get(result.version, {}).items():
+            if name in DETECTION:
+                row[name] = round(value, 4)
+        rows[f"held_out/{result.version}.json"] = row
     for searched in measures.strategies:
         valid = searched.tests - searched.errors
-        row = rows[f"search/{series_name(searched)}.json"] = _counted(
-            searched.failures, valid, searched.rate.value
-        )
+        row = _counted(searched.failures, valid, searched.rate.value)
         if searched.failures:
             row["tests_to_first_failure"] = round(searched.f_measure.value, 1)
+        rows[f"search/{series_name(searched)}.json"] = row
     return rows
 
 

@@ -1,4 +1,4 @@
-"""How far a table of points covers a space, plane by plane and cell by cell, as plain data (Cheng et al., section 3)."""
+"""How far a table of points covers a space, as plain data (Cheng et al., section 3)."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from pipeline.core.coverage.projection import Counts, Coverage, Demand, Plane, p
 from pipeline.core.coverage.raising import RaisingPoints
 from pipeline.core.space import Ints, Space
 
-Found = dict[str, Any]
+Answer = dict[str, Any]
+"""Plain data, as --json prints it."""
 LISTED = 1000
 """Longest list of planes or cells; the totals are always complete."""
 NEXT_POINTS = 5
 GROWTH_STEPS = 60
-NONE: Found = {"numerator": 0, "denominator": 0, "coverage": None}
+NONE: Answer = {"numerator": 0, "denominator": 0, "coverage": None}
 """The fraction of planes that want no points."""
 
 
 def planes_of(rows: Ints, demand: Demand) -> list[Plane]:
-    """Every plane with the counts of (n, d) category indices."""
+    """Every plane of a demand, with the counts of the rows, (n, d) category indices."""
     counts = demand.counts()
     counts.add(rows)
     return list(planes(counts, demand))
 
 
-def fraction(coverage: Coverage) -> Found:
+def fraction(coverage: Coverage) -> Answer:
     """Numerator, denominator and ratio."""
     return {
         "numerator": coverage.covered,
@@ -38,12 +39,22 @@ def fraction(coverage: Coverage) -> Found:
     }
 
 
-def details(space: Space, every: Sequence[Plane]) -> Found:
-    """Coverage of each plane, the least first, and the cells that still want points or that no feasible point reaches."""
+def details(space: Space, every: Sequence[Plane]) -> Answer:
+    """Coverage of each plane, the least first, and the uncovered and the infeasible cells."""
     least = sorted(every, key=lambda plane: plane.coverage.ratio if plane.coverage else np.inf)
+    described = []
+    for plane in least[:LISTED]:
+        described.append(
+            {
+                "conditions": [space.names[v] for v in plane.variables],
+                **(NONE if plane.coverage is None else fraction(plane.coverage)),
+                "uncovered_cells": int(_wanting(plane).sum()),
+                "infeasible_cells": int(_infeasible(plane).sum()),
+            }
+        )
     return {
         "plane_count": len(every),
-        "planes": [_plane(space, plane) for plane in least[:LISTED]],
+        "planes": described,
         "uncovered_cells": sum(int(_wanting(plane).sum()) for plane in every),
         "uncovered": list(islice(_cells(space, every, _wanting), LISTED)),
         "infeasible_cells": sum(int(_infeasible(plane).sum()) for plane in every),
@@ -51,74 +62,8 @@ def details(space: Space, every: Sequence[Plane]) -> Found:
     }
 
 
-def of_extras(space: Space, every: Sequence[Plane]) -> Found:
-    """Coverage of each named plane, and the points in each single combination; nothing if the space has neither."""
-    by_variables = {plane.variables: plane for plane in every}
-    named, single = [], []
-    for group in space.extras.planes:
-        own = [
-            by_variables[chosen].coverage
-            for chosen in combinations(group.variables, group.strength)
-        ]
-        whole = Coverage(
-            sum(one.covered for one in own if one), sum(one.required for one in own if one)
-        )
-        conditions = [space.names[v] for v in group.variables]
-        named.append(
-            {
-                "name": group.name,
-                "conditions": conditions,
-                "strength": group.strength,
-                **(fraction(whole) if any(own) else NONE),
-            }
-        )
-    for one in space.extras.combinations:
-        points = int(by_variables[one.variables].counts[one.categories])
-        single.append(
-            {
-                "of": cell_names(space, one.variables, one.categories),
-                "weight": one.weight,
-                "points": points,
-            }
-        )
-    return {"named_planes": named, "combinations": single} if space.extras else {}
-
-
-def next_points(space: Space, rows: Ints, demand: Demand) -> list[dict[str, str]]:
-    """The few points that raise the coverage of (n, d) category indices most, with the names of their categories."""
-    from pipeline.core.coverage.proposals import Proposer  # Takes a second to import.
-
-    found = Proposer(demand).propose(rows, NEXT_POINTS)
-    return [] if found is None else space.names_of(found.categories)
-
-
-def growth(raising: RaisingPoints, coverage: Coverage) -> list[tuple[int, float]]:
-    """Coverage after each number of points; coverage: after all."""
-    points = raising.counts.points
-    ends = np.unique(np.linspace(1, points, min(points, GROWTH_STEPS)).astype(int))
-    return [
-        (int(end), covered / coverage.required)
-        for end, covered in zip(ends, raising.covered_after(ends).tolist(), strict=True)
-    ]
-
-
-def counted(
-    batches: Iterable[Ints], demands: Sequence[Demand], progress: Callable[[int], None]
-) -> tuple[list[Counts], RaisingPoints]:
-    """Counts of (n, d) category indices for each demand, and the points that raise the coverage of the last one.
-
-    progress: is called with the number of points so far.
-    """
-    counts, raising = [demand.counts() for demand in demands[:-1]], RaisingPoints(demands[-1])
-    for rows in batches:
-        for cells in counts:
-            cells.add(rows)
-        raising.add(rows)
-        progress(raising.counts.points)
-    return [*counts, raising.counts], raising
-
-
 def _wanting(plane: Plane) -> Bools:
+    """The cells with fewer points than wanted."""
     return np.asarray(plane.counts < plane.wanted)
 
 
@@ -138,17 +83,87 @@ def _cells(
 
 def cell_names(space: Space, variables: Iterable[int], cell: Iterable[int]) -> dict[str, str]:
     """A cell with the names of its variables and categories."""
-    return {
-        space.names[v]: space.variables[v].labels[int(c)]
-        for v, c in zip(variables, cell, strict=True)
-    }
+    names = {}
+    for variable, category in zip(variables, cell, strict=True):
+        names[space.names[variable]] = space.variables[variable].labels[int(category)]
+    return names
 
 
-def _plane(space: Space, plane: Plane) -> Found:
-    own = plane.coverage
-    return {
-        "conditions": [space.names[v] for v in plane.variables],
-        **(NONE if own is None else fraction(own)),
-        "uncovered_cells": int(_wanting(plane).sum()),
-        "infeasible_cells": int(_infeasible(plane).sum()),
-    }
+def of_extras(space: Space, every: Sequence[Plane]) -> Answer:
+    """Coverage of each named plane, and the points in each single combination.
+
+    Empty if the space has neither.
+    """
+    if not space.extras:
+        return {}
+    by_variables = {plane.variables: plane for plane in every}
+    named_planes, single = [], []
+    for group in space.extras.planes:
+        covered, required, wanted = 0, 0, False
+        for variables in combinations(group.variables, group.strength):
+            if coverage := by_variables[variables].coverage:
+                covered, required = covered + coverage.covered, required + coverage.required
+                wanted = True
+        named_planes.append(
+            {
+                "name": group.name,
+                "conditions": [space.names[v] for v in group.variables],
+                "strength": group.strength,
+                **(fraction(Coverage(covered, required)) if wanted else NONE),
+            }
+        )
+    for combination in space.extras.combinations:
+        counts = by_variables[combination.variables].counts
+        single.append(
+            {
+                "of": cell_names(space, combination.variables, combination.categories),
+                "weight": combination.weight,
+                "points": int(counts[combination.categories]),
+            }
+        )
+    return {"named_planes": named_planes, "combinations": single}
+
+
+def next_points(space: Space, rows: Ints, demand: Demand) -> list[dict[str, str]]:
+    """The few points that raise the coverage of the rows most, by the names of their categories.
+
+    Args:
+        space: The scenario space.
+        rows: Category indices, (n, d).
+        demand: Planes and weights to cover.
+    """
+    from pipeline.core.coverage.proposals import Proposer  # Takes a second to import.
+
+    proposal = Proposer(demand).propose(rows, NEXT_POINTS)
+    return [] if proposal is None else space.names_of(proposal.categories)
+
+
+def growth(raising: RaisingPoints, coverage: Coverage) -> list[tuple[int, float]]:
+    """Coverage after each number of points. coverage: after all of them."""
+    points = raising.counts.points
+    ends = np.unique(np.linspace(1, points, min(points, GROWTH_STEPS)).astype(int))
+    covered = raising.covered_after(ends).tolist()
+    shares = (cells / coverage.required for cells in covered)
+    return list(zip(map(int, ends), shares, strict=True))
+
+
+def counted(
+    batches: Iterable[Ints], demands: Sequence[Demand], progress: Callable[[int], None]
+) -> tuple[list[Counts], RaisingPoints]:
+    """Count the points of a table for several demands in one pass.
+
+    Args:
+        batches: Category indices, (n, d) each.
+        demands: Planes and weights to cover.
+        progress: Called with the number of points so far.
+
+    Returns:
+        The counts for each demand, and the points that raise the coverage of the last one.
+    """
+    counts, raising = [demand.counts() for demand in demands[:-1]], RaisingPoints(demands[-1])
+    for rows in batches:
+        for cells in counts:
+            cells.add(rows)
+        raising.add(rows)
+        progress(raising.counts.points)
+    return [*counts, raising.counts], raising

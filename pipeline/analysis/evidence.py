@@ -1,6 +1,7 @@
-"""The areas of the thesis' Figure 8.1, known or unknown and safe or unsafe (ISO 21448), estimated from a study's tests.
+"""The areas of the thesis' Figure 8.1 (ISO 21448), estimated from a study's tests.
 
-Known areas come from all tests. Rates come from random tests alone, judged by rules that were fitted without them.
+Known areas come from all tests. Rates come from random tests alone, judged by rules that were
+fitted without them.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from pipeline.core.exposure import Exposure
 from pipeline.core.grouping import group_failures
 from pipeline.core.likelihood.rate import TAIL, Limits, Rate, combined, exact
 from pipeline.core.likelihood.reweighted import reweighted
-from pipeline.core.rules import Bools, Rule
+from pipeline.core.rules import Bools
 from pipeline.core.shown import shown_share
 from pipeline.core.space import Floats, Space
 from pipeline.errors import InputError
@@ -48,9 +49,13 @@ NORMAL, ONE_SIDED = (NormalDist().inv_cdf(1 - tail) for tail in (TAIL, 2 * TAIL)
 """In standard errors: half the width of an interval, and the distance of a one-sided limit."""
 NO_RANDOM = "no random test was executed, and the tests of other strategies give no rate"
 UNCONFIRMED = "no rule was tested by fresh random tests; regions.confirm says how many to execute"
-ONLY_RANDOM = "every test is random: rules that are fitted to these tests cannot be judged by them; add a search to the strategies"
+ONLY_RANDOM = (
+    "every test is random: rules that are fitted to these tests cannot be judged by them; add a "
+    "search to the strategies"
+)
 SAMPLED = f"{DRAWS:,} conditions drawn from the exposure; "
-OUTSIDE = f"Conditions outside all rules, times the share of their {PROJECTION_K}-combinations of categories"
+COMBINATIONS = f"{PROJECTION_K}-combinations of categories"
+OUTSIDE = f"Conditions outside all rules, times the share of their {COMBINATIONS}"
 KNOWN_UNSAFE = Area(
     share=None,
     definition="Conditions inside the rule of a failure region, confirmed or not.",
@@ -81,8 +86,15 @@ FAILURE = Risk(share=None, definition="Failures, inside rules or not.", source="
 
 @dataclass(frozen=True)
 class Searched:
-    """What is known of one scenario. tests: rows of all campaigns against the detector, its audit included. independent:
-    strategies whose tests are random."""
+    """The tests and regions of one scenario.
+
+    Attributes:
+        info: The scenario.
+        space: Its space.
+        tests: Rows of all campaigns against the detector, its audit included.
+        regions: Its failure regions.
+        independent: Strategies whose tests are random.
+    """
 
     info: ScenarioInfo
     space: Space
@@ -92,19 +104,29 @@ class Searched:
 
     @property
     def valid(self) -> pd.DataFrame:
+        """The tests that did not end in an error."""
         return self.tests[is_valid(self.tests)]
 
     def rows(self, random: bool) -> pd.DataFrame:
-        """The valid tests that are random, or the others, of which each counts once."""
+        """The valid tests that are random, or the others without repeated points."""
         rows = self.valid[self.valid["strategy"].isin(self.independent) == random]
-        return (rows if random else rows.drop_duplicates(list(self.space.names))).reset_index(
-            drop=True
-        )
+        if not random:
+            rows = rows.drop_duplicates(list(self.space.names))
+        return rows.reset_index(drop=True)
 
 
 @dataclass(frozen=True)
 class Judged:
-    """The shares of one scenario as rates, which can be combined with those of others; a share without an estimate is None or left out."""
+    """The shares of one scenario as rates, which can be combined with those of other scenarios.
+
+    Attributes:
+        tested: The tests of the scenario.
+        sampled: Area -> its share, for the areas that need no random test.
+        regions: Region -> its share.
+        failure: The failure rate, if there is an estimate.
+        hidden: The rate of failures outside all rules, if there is an estimate.
+        missing: Why there is no estimate of `hidden`.
+    """
 
     tested: Searched
     sampled: Mapping[str, Rate]
@@ -115,43 +137,56 @@ class Judged:
 
 
 def judged(tested: Searched, section: Regions, exposure: ExposureFile) -> Judged:
-    """The shares of one scenario. section: how its regions were found."""
+    """The shares of one scenario.
+
+    Args:
+        tested: The tests of the scenario.
+        section: Settings of the search for regions.
+        exposure: The exposure that the rates refer to.
+    """
     road = exposure.of(tested.info.name, tested.space)
     points = road.sample(DRAWS, np.random.default_rng(0))
-    inside = {
-        region.name: stored_rule(tested.space, region.conditions).holds(points)
-        for region in tested.regions.regions
-    }
+    inside = {}
+    for region in tested.regions.regions:
+        rule = stored_rule(tested.space, region.conditions)
+        inside[region.name] = rule.holds(points)
     failure, hidden, missing = _risks(tested, section, None if exposure.uniform else road)
     shares = {name: share_of(holds) for name, holds in inside.items()}
     return Judged(tested, _sampled(tested, points, inside), shares, failure, hidden, missing)
 
 
 def _sampled(tested: Searched, points: Floats, inside: Mapping[str, Bools]) -> dict[str, Rate]:
-    """The areas that need no random test, from points (n, d) of the exposure and whether each is inside each rule."""
+    """The areas that need no random test.
+
+    points: (n, d), drawn from the exposure. inside: region -> whether its rule holds, (n,).
+    """
     regions = tested.regions.regions
     confirmed = [inside[region.name] for region in regions if region.status == "confirmed"]
     asked = not regions or any(region.confirmation for region in regions)
-    known = _any([*inside.values()], len(points))
+    in_rules = _any([*inside.values()], len(points))
     passed = tested.valid[~tested.valid["failure"].to_numpy(bool)]
     seen = tested.space.categorise(encode_tests(passed, tested.space))
     shown = shown_share(tested.space.sizes, seen, tested.space.categorise(points), PROJECTION_K)
-    return {
-        "known_unsafe": share_of(known),
-        **({"confirmed": share_of(_any(confirmed, len(points)))} if asked else {}),
-        "known_safe": mean_of(shown * ~known),
-        "unknown": mean_of((1 - shown) * ~known),
-    }
+    areas = {"known_unsafe": share_of(in_rules)}
+    if asked:
+        areas["confirmed"] = share_of(_any(confirmed, len(points)))
+    areas["known_safe"] = mean_of(shown * ~in_rules)
+    areas["unknown"] = mean_of((1 - shown) * ~in_rules)
+    return areas
 
 
 def _any(holds: Sequence[Bools], count: int) -> Bools:
+    """Whether any of the rules holds, (count,)."""
     return np.any(holds, axis=0) if holds else np.zeros(count, bool)
 
 
 def _risks(
     tested: Searched, section: Regions, road: Exposure | None
 ) -> tuple[Rate | None, Rate | None, str]:
-    """The failure probability, that outside all rules, and why the second is missing. road: None if random tests are the exposure's."""
+    """The failure rate, the rate outside all rules, and why the second is missing.
+
+    road: the exposure; None if random tests follow it.
+    """
     random, others = tested.rows(random=True), tested.rows(random=False)
     if random.empty:
         return None, None, NO_RANDOM
@@ -168,19 +203,10 @@ def _risks(
 
     if others.empty:
         return rate(failed), None, ONLY_RANDOM
-    inside = [rule.holds(points) for rule in _searched_rules(tested.space, others, section)]
+    outcomes, causes = outcomes_of(tested.space, others), others["cause"].to_numpy(str)
+    groups = group_failures(outcomes, causes, section.chance_neighbours, section.min_failures)
+    inside = [group.rule.holds(points) for group in groups]
     return rate(failed), rate(failed & ~_any(inside, len(points))), ""
-
-
-def _searched_rules(space: Space, tests: pd.DataFrame, section: Regions) -> list[Rule]:
-    """The rules of the failure regions of some tests."""
-    groups = group_failures(
-        outcomes_of(space, tests),
-        tests["cause"].to_numpy(str),
-        section.chance_neighbours,
-        section.min_failures,
-    )
-    return [group.rule for group in groups]
 
 
 def share_of(holds: Bools) -> Rate:
@@ -190,7 +216,10 @@ def share_of(holds: Bools) -> Rate:
 
 
 def mean_of(shares: Floats) -> Rate:
-    """The mean of a share over drawn conditions, with its normal interval; with the exact one if all are 0 or all are 1."""
+    """The mean of a share over drawn conditions, with its normal interval.
+
+    The interval is exact if all shares are 0 or all are 1.
+    """
     value, error = float(shares.mean()), float(shares.std()) / np.sqrt(len(shares))
     if not error and value in (0.0, 1.0):
         return share_of(shares == 1)
@@ -198,76 +227,76 @@ def mean_of(shares: Floats) -> Rate:
     return Rate(value, Limits(max(0.0, low), min(1.0, high), min(1.0, below)), len(shares), 0)
 
 
-def scenario_evidence(found: Judged) -> ScenarioEvidence:
-    """The artefact of one scenario."""
-    tested = found.tested
-    clauses = tuple((one,) if isinstance(one, str) else one for one in tested.space.clauses)
-    info = tested.info
+def scenario_evidence(judged: Judged) -> ScenarioEvidence:
+    """The evidence of one scenario."""
+    tested = judged.tested
+    info, clauses = tested.info, []
+    for clause in tested.space.clauses:
+        clauses.append((clause,) if isinstance(clause, str) else clause)
+    categories = tested.space.categorise(encode_tests(tested.valid, tested.space))
+    reached = projection_coverage(categories, Demand(tested.space.constraints, PROJECTION_K))
     return ScenarioEvidence(
         domain=Domain(
             scenario=info.name,
             label=info.label,
             description=info.description,
             variables=tested.space.to_dict(),
-            constraints=clauses,
+            constraints=tuple(clauses),
         ),
-        coverage=_coverage(tested),
-        failure=_risk(FAILURE, found.failure, NO_RANDOM),
-        areas=_areas(found.sampled, found.hidden, found.missing),
+        coverage=Coverage(
+            k=PROJECTION_K,
+            covered=reached.covered,
+            required=reached.required,
+            ratio=reached.ratio,
+            tests=len(categories),
+        ),
+        failure=_risk(FAILURE, judged.failure, NO_RANDOM),
+        areas=_areas(judged.sampled, judged.hidden, judged.missing),
         open_regions=tuple(
-            _open(region, found.regions[region.name]) for region in tested.regions.regions
+            _open_region(region, judged.regions[region.name]) for region in tested.regions.regions
         ),
         isolated_failures=len(tested.regions.isolated),
     )
 
 
-def whole(found: Sequence[Judged], exposure: ExposureFile) -> Whole | None:
+def whole(scenarios: Sequence[Judged], exposure: ExposureFile) -> Whole | None:
     """All scenarios together; None if the exposure does not say how often each occurs."""
-    names = [one.tested.info.name for one in found]
+    names = [judged.tested.info.name for judged in scenarios]
     try:
         shares = exposure.shares(names)
     except InputError:
         return None
-    kinds = [kind for kind in found[0].sampled if all(kind in one.sampled for one in found)]
-    sampled = {kind: combined([one.sampled[kind] for one in found], shares) for kind in kinds}
-    missing = next((one.missing for one in found if one.missing), "")
-    failure, hidden = (
-        _all([one.failure for one in found], shares),
-        _all([one.hidden for one in found], shares),
-    )
-    areas = _areas(sampled, hidden, missing)
+
+    def together(rates: Sequence[Rate | None]) -> Rate | None:
+        """The rate over all scenarios, if each has one."""
+        estimated = [rate for rate in rates if rate is not None]
+        return combined(estimated, shares) if len(estimated) == len(rates) else None
+
+    sampled = {}
+    for kind in scenarios[0].sampled:
+        rate = together([judged.sampled.get(kind) for judged in scenarios])
+        if rate is not None:
+            sampled[kind] = rate
+    missing = next((judged.missing for judged in scenarios if judged.missing), "")
+    failure = together([judged.failure for judged in scenarios])
+    hidden = together([judged.hidden for judged in scenarios])
     return Whole(
         shares=dict(zip(names, shares, strict=True)),
         failure=_risk(FAILURE, failure, NO_RANDOM),
-        areas=areas,
+        areas=_areas(sampled, hidden, missing),
     )
 
 
-def _all(rates: Sequence[Rate | None], shares: Sequence[float]) -> Rate | None:
-    known = [rate for rate in rates if rate is not None]
-    return combined(known, shares) if len(known) == len(rates) else None
-
-
-def _coverage(tested: Searched) -> Coverage:
-    categories = tested.space.categorise(encode_tests(tested.valid, tested.space))
-    reached = projection_coverage(categories, Demand(tested.space.constraints, PROJECTION_K))
-    return Coverage(
-        k=PROJECTION_K,
-        covered=reached.covered,
-        required=reached.required,
-        ratio=reached.ratio,
-        tests=len(categories),
-    )
-
-
-def _open(region: FailureRegion, share: Rate) -> OpenRegion:
-    named = {
-        name: getattr(region, name)
-        for name in ("name", "rule", "conditions", "cause", "status", "confirmation")
-    }
-    worst = {one.role: one.test_id for one in region.representatives}
+def _open_region(region: FailureRegion, share: Rate) -> OpenRegion:
+    """A failure region as evidence. share: of the exposure inside its rule."""
+    worst = {test.role: test.test_id for test in region.representatives}
     return OpenRegion(
-        **named,
+        name=region.name,
+        rule=region.rule,
+        conditions=region.conditions,
+        cause=region.cause,
+        status=region.status,
+        confirmation=region.confirmation,
         failures=len(region.members),
         worst=worst.get("worst", worst["medoid"]),
         share=_estimate(share),
@@ -281,11 +310,10 @@ def _areas(sampled: Mapping[str, Rate], hidden: Rate | None, missing: str) -> Ar
         "known_safe": KNOWN_SAFE,
         "unknown": UNKNOWN,
     }
-    areas = {
-        name: area.model_copy(update={"share": _estimate(sampled[name])})
-        for name, area in empty.items()
-        if name in sampled
-    }
+    areas = {}
+    for name, area in empty.items():
+        if name in sampled:
+            areas[name] = area.model_copy(update={"share": _estimate(sampled[name])})
     areas.setdefault("confirmed", CONFIRMED.model_copy(update={"missing": UNCONFIRMED}))
     return Areas(**areas, unknown_unsafe=_risk(UNKNOWN_UNSAFE, hidden, missing))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,47 +26,42 @@ from pipeline.config.sections import Regions
 from pipeline.core.distance import mixed_distance
 from pipeline.core.grouping import Group, Outcomes, group_failures, held_back
 from pipeline.core.regions import connected_failures, medoid
-from pipeline.core.rules import Condition
 from pipeline.core.space import Floats, Space
 from pipeline.scenarios.people import WORDS
 
 
 @dataclass(frozen=True)
 class Found:
-    """A region as the artefact and the report know it, and its group with the rule."""
+    """A region as the artefact stores it, and its group with the rule."""
 
     region: FailureRegion
     group: Group
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Random numbers for tests of the region: the same for the same purpose, name and rule."""
-        digest = hashlib.sha256(
-            f"{purpose} {self.region.name} {self.region.rule}".encode()
-        ).digest()
+        text = f"{purpose} {self.region.name} {self.region.rule}"
+        digest = hashlib.sha256(text.encode()).digest()
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))
-
-
-@dataclass(frozen=True)
-class _Tested:
-    """Valid rows of one scenario, and their points and outcomes."""
-
-    rows: pd.DataFrame
-    outcomes: Outcomes
 
 
 def find_regions(
     info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions
 ) -> list[Found]:
-    """The failure regions of one scenario, larger ones first; tests: its valid rows."""
-    outcomes = outcomes_of(space, tests)
-    groups = group_failures(
-        outcomes, tests["cause"].to_numpy(str), section.chance_neighbours, section.min_failures
-    )
-    tested = _Tested(tests, outcomes)
-    return [
-        Found(_region(f"{info.label} region {number}", tested, group), group)
-        for number, group in enumerate(groups, 1)
-    ]
+    """The failure regions of one scenario, larger ones first.
+
+    Args:
+        info: The scenario.
+        space: Its space.
+        tests: Its valid rows of tests.parquet.
+        section: Settings of the search for regions.
+    """
+    outcomes, causes = outcomes_of(space, tests), tests["cause"].to_numpy(str)
+    groups = group_failures(outcomes, causes, section.chance_neighbours, section.min_failures)
+    regions = []
+    for number, group in enumerate(groups, 1):
+        region = _region(f"{info.label} region {number}", tests, outcomes, group)
+        regions.append(Found(region, group))
+    return regions
 
 
 def outcomes_of(space: Space, tests: pd.DataFrame) -> Outcomes:
@@ -81,11 +77,11 @@ def cluster(
 
 
 def regions_of(
-    info: ScenarioInfo, space: Space, tests: pd.DataFrame, found: Sequence[Found]
+    info: ScenarioInfo, space: Space, tests: pd.DataFrame, grouped: Sequence[Found]
 ) -> FailureRegions:
-    """The artefact of the regions that `find_regions` found in the same tests."""
+    """The artefact of the regions that `find_regions` returns for the same tests."""
     failed, points = tests["failure"].to_numpy(bool), encode_tests(tests, space)
-    regions = tuple(one.region for one in found)
+    regions = tuple(group.region for group in grouped)
     members = {test for region in regions for test in region.members}
     return FailureRegions(
         scenario=info.name,
@@ -100,78 +96,63 @@ def regions_of(
     )
 
 
-def _region(name: str, tested: _Tested, group: Group) -> FailureRegion:
-    outcomes, members, rows = tested.outcomes, group.members, tested.rows[group.members]
+def _region(name: str, tests: pd.DataFrame, outcomes: Outcomes, group: Group) -> FailureRegion:
+    """A region as the artefact stores it. tests: valid rows of the scenario."""
+    space, members, rows = outcomes.space, group.members, tests[group.members]
     inside = group.rule.holds(outcomes.points)
     support, hits = int(inside.sum()), int((inside & outcomes.failed).sum())
-    tests, failures = held_back(outcomes, group)
+    number, failures = held_back(outcomes, group)
+    strategies = rows["strategy"].value_counts().sort_index()
+    groups = named_groups(space, outcomes.points[inside])
+    conditions = []
+    for condition in group.rule.conditions:
+        variable, text = condition.subject(space), condition.words(space)
+        bounds: dict[str, Any] = {"low": condition.low, "high": condition.high}
+        if condition.values:
+            bounds = {"values": tuple(variable.values[i] for i in condition.values)}
+        conditions.append(RuleCondition(variable=variable.name, text=text, **bounds))
     return FailureRegion(
         name=name,
         cause=group.cause,
         members=tuple(rows["test_id"]),
         modes=count_modes(rows),
-        strategies={
-            str(key): int(count)
-            for key, count in rows["strategy"].value_counts().sort_index().items()
-        },
-        rule=group.rule.text(outcomes.space),
-        conditions=tuple(
-            _condition(outcomes.space, condition) for condition in group.rule.conditions
-        ),
+        strategies={str(strategy): int(count) for strategy, count in strategies.items()},
+        rule=group.rule.text(space),
+        conditions=tuple(conditions),
         support=support,
         failures_inside=hits,
         precision=hits / support,
         lift=hits / support / float(outcomes.failed.mean()),
         recall=float(inside[members].mean()),
-        held_back=Count(tests=tests, failures=failures),
-        groups=tuple(
-            name
-            for name, belongs in named_groups(outcomes.space, outcomes.points[inside]).items()
-            if belongs.all()
-        ),
-        representatives=_representatives(outcomes.space, rows, outcomes.points[members]),
+        held_back=Count(tests=number, failures=failures),
+        groups=tuple(name for name, belongs in groups.items() if belongs.all()),
+        representatives=_representatives(space, rows, outcomes.points[members]),
     )
-
-
-def _condition(space: Space, condition: Condition) -> RuleCondition:
-    variable, text = condition.subject(space), condition.words(space)
-    if condition.values:
-        return RuleCondition(
-            variable=variable.name,
-            text=text,
-            values=tuple(variable.values[i] for i in condition.values),
-        )
-    return RuleCondition(variable=variable.name, text=text, low=condition.low, high=condition.high)
 
 
 def _representatives(
     space: Space, rows: pd.DataFrame, points: Floats
 ) -> tuple[Representative, ...]:
-    """The medoid, the worst failure and the failure furthest from the medoid; each test appears once."""
+    """The medoid, the worst failure and the failure furthest from the medoid, each test once."""
     centre = medoid(space, points)
     # The worst is the hardest contact; without a contact, the smallest adjusted TTC.
-    severity = np.lexsort(
-        (rows["adj_ttc_s"].to_numpy(), -rows["impact_speed_mps"].fillna(0).to_numpy())
-    )
+    speed_mps = rows["impact_speed_mps"].fillna(0).to_numpy()
+    severity = np.lexsort((rows["adj_ttc_s"].to_numpy(), -speed_mps))
     furthest = int(np.argmax(mixed_distance(space, points[[centre]], points)[0]))
-    ranked: list[tuple[int, Role]] = [
-        (furthest, "furthest"),
-        (int(severity[0]), "worst"),
-        (centre, "medoid"),
-    ]
-    # Later entries win, so a test in two roles keeps the medoid's; the result starts with the medoid.
-    roles = dict(reversed(list({position: (position, role) for position, role in ranked}.values())))
-    return tuple(
-        _representative(rows.iloc[position], role, space) for position, role in roles.items()
-    )
-
-
-def _representative(row: pd.Series, role: Role, space: Space) -> Representative:
-    return Representative(
-        test_id=row["test_id"],
-        role=role,
-        strategy=row["strategy"],
-        seed=int(row["seed"]),
-        adj_ttc_s=float(row["adj_ttc_s"]),
-        concrete=concrete(row, space),
-    )
+    # A test in two roles keeps the later role here; the result starts with the medoid.
+    roles: dict[int, Role] = {furthest: "furthest"}
+    roles[int(severity[0])] = "worst"
+    roles[centre] = "medoid"
+    representatives = []
+    for position, role in reversed(roles.items()):
+        row = rows.iloc[position]
+        representative = Representative(
+            test_id=row["test_id"],
+            role=role,
+            strategy=row["strategy"],
+            seed=int(row["seed"]),
+            adj_ttc_s=float(row["adj_ttc_s"]),
+            concrete=concrete(row, space),
+        )
+        representatives.append(representative)
+    return tuple(representatives)

@@ -1,4 +1,4 @@
-"""Reasons to reject a campaign frame for training (thesis section 7.2): each criterion is one entry of `CRITERIA`."""
+"""Reasons to reject a campaign frame for training (thesis section 7.2); each has a criterion."""
 
 from __future__ import annotations
 
@@ -18,19 +18,23 @@ from pipeline.core.visibility import detectability
 
 Bools = NDArray[np.bool_]
 KEPT = {"visible": "pedestrian visible", "negative": "no pedestrian in the image"}
-"""Reasons to keep a frame, with their meaning: empty frames teach the detector what is not a pedestrian."""
+"""Reasons to keep a frame -> meaning; empty frames teach the detector what is not a pedestrian."""
 MIN_VISIBLE_SHARE = 0.1
 THUMBNAIL = (40, 24)
 SAME_GREY, SAME_IOU = 3.0, 0.8
-"""Two frames of an episode show the same if their thumbnails differ by less on average and the pedestrian's boxes overlap by more."""
+"""Frames of an episode are near duplicates if their thumbnails differ by less on average and the
+pedestrian's boxes overlap by more."""
 
 
 @dataclass(frozen=True)
 class Criterion:
     """One reason to reject frames.
 
-    reason: its name in the filter table. meaning: its text in the report. rejects: takes the frames (columns of frames.parquet), a mask
-    (n,) bool of the frames that all earlier criteria keep, and the section `filter`; returns (n,) bool.
+    Attributes:
+        reason: Its name in the filter table.
+        meaning: Its text in the report.
+        rejects: Takes n frames (columns of frames.parquet), a mask (n,) bool of the frames that all
+            earlier criteria keep, and the section `filter`; returns (n,) bool.
     """
 
     reason: str
@@ -40,30 +44,32 @@ class Criterion:
 
 def shows(frames: pd.DataFrame) -> Bools:
     """Whether each frame shows the pedestrian at all, (n,)."""
-    return _column(frames, "visible_pixels") > 0
-
-
-def _column(frames: pd.DataFrame, name: str) -> NDArray[np.float64]:
-    values: NDArray[np.float64] = frames[name].to_numpy(np.float64)
-    return values
+    return np.asarray(frames["visible_pixels"] > 0)
 
 
 def _few_pixels(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
-    return shows(frames) & (_column(frames, "visible_pixels") < section.min_visible_pixels)
+    few: Bools = np.asarray(frames["visible_pixels"] < section.min_visible_pixels)
+    return shows(frames) & few
 
 
 def _barely_in_view(frames: pd.DataFrame, _: Bools, __: Filter) -> Bools:
-    pixels, whole = _column(frames, "visible_pixels"), _column(frames, "whole_pixels")
-    return shows(frames) & (pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE)
+    pixels, whole = frames["visible_pixels"].to_numpy(float), frames["whole_pixels"].to_numpy(float)
+    barely: Bools = np.asarray(pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE)
+    return shows(frames) & barely
 
 
 def _low_contrast(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
-    shown = detectability(_column(frames, "visible_pixels"), _column(frames, "contrast"))
+    shown = detectability(
+        frames["visible_pixels"].to_numpy(float), frames["contrast"].to_numpy(float)
+    )
     return shows(frames) & (shown < section.min_detectability)
 
 
 def _near_duplicate(frames: pd.DataFrame, kept: Bools, _: Filter) -> Bools:
-    """The ego waits and nothing moves: the frame shows the same as the last kept frame of its episode. Frames come in order of time."""
+    """The ego waits and nothing moves: the frame repeats the last kept frame of its episode.
+
+    Frames come in order of time.
+    """
     repeats = np.zeros(len(frames), bool)
     boxes = frames[[f"visible_{side}" for side in SIDES]].to_numpy(float)
     last: tuple[str, NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -71,25 +77,21 @@ def _near_duplicate(frames: pd.DataFrame, kept: Bools, _: Filter) -> Bools:
         if not kept[row]:
             continue
         shown = cv2.resize(decode_jpeg(image), THUMBNAIL, interpolation=cv2.INTER_AREA).mean(axis=2)
-        if last is not None and last[0] == test_id and _same(shown, boxes[row], *last[1:]):
-            repeats[row] = True
-        else:
+        if last is not None and last[0] == test_id:
+            shown_before, box_before = last[1:]
+            same_image = np.abs(shown - shown_before).mean() < SAME_GREY
+            repeats[row] = same_image and _same_box(boxes[row], box_before)
+        if not repeats[row]:
             last = (test_id, shown, boxes[row])
     return repeats
 
 
-def _same(
-    shown: NDArray[np.float64],
-    box: NDArray[np.float64],
-    before: NDArray[np.float64],
-    box_before: NDArray[np.float64],
-) -> bool:
-    if (
-        np.abs(shown - before).mean() >= SAME_GREY
-        or np.isnan(box).any() != np.isnan(box_before).any()
-    ):
-        return False
-    return bool(np.isnan(box).any() or iou([box], [box_before])[0, 0] > SAME_IOU)
+def _same_box(box: NDArray[np.float64], before: NDArray[np.float64]) -> bool:
+    """Whether two boxes (4,) overlap well, or neither exists (NaN)."""
+    hidden, hidden_before = np.isnan(box).any(), np.isnan(before).any()
+    if hidden or hidden_before:
+        return bool(hidden and hidden_before)
+    return bool(iou([box], [before])[0, 0] > SAME_IOU)
 
 
 CRITERIA = (

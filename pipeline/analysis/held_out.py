@@ -25,8 +25,11 @@ BY_TTC = ("contact", "late")
 class HeldOut:
     """The tests of all versions on all held-out scenarios.
 
-    versions: names, the base first. labels: scenario -> printed name. tables: (scenario, version) -> rows of tests.parquet by index.
-    no_braking: scenarios in which the right answer is not to brake.
+    Attributes:
+        versions: Names, the base first.
+        labels: Scenario -> printed name.
+        tables: (scenario, version) -> rows of tests.parquet by index.
+        no_braking: Scenarios in which the right answer is not to brake.
     """
 
     versions: Sequence[str]
@@ -46,11 +49,10 @@ class HeldOut:
     def tests(self) -> list[SequenceTest]:
         """The tests of the sequence in its order, scenario by scenario."""
         base = self.versions[0]
-        return [
-            SequenceTest(name, int(index))
-            for name in self.labels
-            for index in self.tables[name, base]["index"]
-        ]
+        tests = []
+        for name in self.labels:
+            tests += [SequenceTest(name, int(index)) for index in self.tables[name, base]["index"]]
+        return tests
 
     @cached_property
     def scenarios(self) -> dict[str, Bools]:
@@ -66,28 +68,31 @@ class HeldOut:
         """The outcomes of one version on the sequence."""
         rows = self.rows(version)
         valid, failed = is_valid(rows).to_numpy(), rows["failure"].to_numpy(bool)
-        return SequenceOutcomes(
-            valid, valid & failed, valid & failed & rows["failure_mode"].isin(BY_TTC).to_numpy()
-        )
+        by_ttc = rows["failure_mode"].isin(BY_TTC).to_numpy()
+        return SequenceOutcomes(valid, valid & failed, valid & failed & by_ttc)
 
     def digest(self, variables: Mapping[str, Sequence[str]]) -> str:
-        """SHA-256 of the sequence. variables: scenario -> names of its variables.
+        """SHA-256 of the sequence.
 
-        Raises InputError that names the first difference unless all versions executed the same points in the same order.
+        Args:
+            variables: Scenario -> names of its variables.
+
+        Raises:
+            InputError: Not all versions executed the same points in the same order; the message
+                names the first difference.
         """
         digest = hashlib.sha256()
         for scenario, names in variables.items():
             for version in self.versions:
                 if (scenario, version) not in self.tables:
                     raise InputError(
-                        f"expected a campaign of version '{version}' on held-out scenario '{scenario}', got none"
+                        f"expected a campaign of version '{version}' on held-out scenario "
+                        f"'{scenario}', got none"
                     )
-                _check_same(
-                    self.tables[scenario, self.versions[0]], self.tables[scenario, version], names
-                )
-            sequence = self.tables[scenario, self.versions[0]][["index", *names]].to_csv(
-                index=False, float_format="%.17g"
-            )
+                first, other = (self.tables[scenario, v] for v in (self.versions[0], version))
+                _check_same(first, other, names)
+            points = self.tables[scenario, self.versions[0]][["index", *names]]
+            sequence = points.to_csv(index=False, float_format="%.17g")
             digest.update(f"{scenario}\n{sequence}".encode())
         return digest.hexdigest()
 
@@ -99,9 +104,17 @@ def read_held_out(
     threshold_s: float,
     progress: OnProgress,
 ) -> HeldOut:
-    """Read tests.parquet of every scenario and version. infos: of the held-out scenarios. threshold_s: of the adjusted TTC.
+    """Read tests.parquet of every scenario and version.
 
-    Raises InputError if a test was judged with another threshold.
+    Args:
+        paths: The files.
+        versions: Names of the versions, the base first.
+        infos: The held-out scenarios by name.
+        threshold_s: Adj. TTC at or below which a test fails.
+        progress: Called after each file.
+
+    Raises:
+        InputError: A test was judged with another threshold.
     """
     tables = {}
     for done, path in enumerate(paths, 1):
@@ -112,34 +125,34 @@ def read_held_out(
         tables[campaign.scenario, campaign.version] = rows
         progress(done, len(paths), f"{campaign.scenario}/{campaign.version}")
     labels = {name: info.label for name, info in infos.items()}
-    return HeldOut(
-        tuple(versions),
-        labels,
-        tables,
-        tuple(name for name, info in infos.items() if not info.asks_to_brake),
-    )
+    no_braking = tuple(name for name, info in infos.items() if not info.asks_to_brake)
+    return HeldOut(tuple(versions), labels, tables, no_braking)
 
 
 def _check_threshold(rows: pd.DataFrame, threshold_s: float, path: Path) -> None:
-    # Without a collision path, a false activation decides, and false positives alone may shorten the adjusted TTC.
-    decided = np.where(
-        rows["failure"], rows["failure_mode"] != "false_activation", rows["false_positives"] == 0
-    )
+    """InputError if the adj. TTC of a test contradicts its outcome."""
+    # Without a collision path, a false activation decides; false positives alone may shorten the
+    # adj. TTC.
+    activated = rows["failure_mode"] == "false_activation"
+    decided = np.where(rows["failure"], ~activated, rows["false_positives"] == 0)
     judged = rows[is_valid(rows) & decided]
     different = judged[judged["failure"] != (judged["adj_ttc_s"] <= threshold_s)]
     if len(different):
         row = different.iloc[0]
         raise InputError(
-            f"{path}, test {row['index']}: expected a failure at an adjusted TTC of {threshold_s:g} s or below "
-            f"(campaign.failure_threshold_s), got {row['adj_ttc_s']:.3g} s and failure {bool(row['failure'])}; execute it again"
+            f"{path}, test {row['index']}: expected a failure at an adjusted TTC of "
+            f"{threshold_s:g} s or below (campaign.failure_threshold_s), got "
+            f"{row['adj_ttc_s']:.3g} s and failure {bool(row['failure'])}; execute it again"
         )
 
 
 def _check_same(first: pd.DataFrame, other: pd.DataFrame, names: Sequence[str]) -> None:
+    """InputError if two versions executed different points on a scenario."""
     who = f"version '{other['version'].iloc[0]}' on scenario '{other['scenario'].iloc[0]}'"
     if len(first) != len(other):
         raise InputError(
-            f"{who}: expected {len(first)} tests as version '{first['version'].iloc[0]}' has, got {len(other)}"
+            f"{who}: expected {len(first)} tests as version '{first['version'].iloc[0]}' has, got "
+            f"{len(other)}"
         )
     for name in ("strategy", "seed", "index", *names):
         different = (first[name] != other[name]).to_numpy()
@@ -147,5 +160,6 @@ def _check_same(first: pd.DataFrame, other: pd.DataFrame, names: Sequence[str]) 
             row = int(different.argmax())
             expected, got = first[name].tolist()[row], other[name].tolist()[row]
             raise InputError(
-                f"{who}, test {other['index'].iloc[row]}: {name} must be {expected!r} as for the base, got {got!r}"
+                f"{who}, test {other['index'].iloc[row]}: {name} must be {expected!r} as for the "
+                f"base, got {got!r}"
             )

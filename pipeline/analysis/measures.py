@@ -24,8 +24,8 @@ from pipeline.core.measures import (
     failure_sequence,
     pair_coverage,
 )
-from pipeline.core.space import Ints, Space
-from pipeline.core.statistics import CensoredMean, censored_mean, mean_interval
+from pipeline.core.space import Space
+from pipeline.core.statistics import censored_mean, mean_interval
 from pipeline.errors import InputError
 
 PROJECTION_K = 2
@@ -41,25 +41,38 @@ def measure_campaign(
     spaces: Mapping[str, Space],
     baseline: str,
 ) -> CampaignMeasures:
-    """Every measure of one campaign; see CampaignMeasures for their definitions."""
+    """Every measure of one campaign; see CampaignMeasures for their definitions.
+
+    Args:
+        campaign: The campaign.
+        tables: Rows of tests.parquet of all campaigns.
+        spaces: Scenario -> its space.
+        baseline: Strategy that the others are compared with.
+
+    Raises:
+        InputError: The space or the baseline's campaign of the same seed is missing.
+    """
     tests = tables[campaign]
     reference = tables.get(replace(campaign, strategy=baseline))
     if campaign.scenario not in spaces:
         raise InputError(
-            f"campaign {campaign}: expected the space of scenario '{campaign.scenario}', got {sorted(spaces)}"
+            f"campaign {campaign}: expected the space of scenario '{campaign.scenario}', got "
+            f"{sorted(spaces)}"
         )
     if reference is None:
         raise InputError(
-            f"campaign {campaign}: expected a '{baseline}' campaign of seed {campaign.seed} beside it, got none"
+            f"campaign {campaign}: expected a '{baseline}' campaign of seed {campaign.seed} beside "
+            "it, got none"
         )
     space, failed = spaces[campaign.scenario], tests["failure"].to_numpy(bool)
-    sequence, other = (
-        failure_sequence(failed),
-        failure_sequence(reference["failure"].to_numpy(bool)),
-    )
+    sequence = failure_sequence(failed)
+    other = failure_sequence(reference["failure"].to_numpy(bool))
     n, saved = c_measure(sequence, other)
     valid = is_valid(tests).to_numpy()
     points = encode_tests(tests, space)
+    # Every cell wants several tests, so it still distinguishes campaigns that cover all pairs.
+    weights = [np.full(size, TESTS_WANTED) for size in space.sizes]
+    demand = Demand(space.constraints, PROJECTION_K, weights, "max")
     return CampaignMeasures(
         **asdict(campaign),
         tests=len(tests),
@@ -77,7 +90,7 @@ def measure_campaign(
         c_measure_assumed=campaign.strategy != baseline and int(other[-1]) == 0,
         pair_coverage_tests=pair_coverage(space, points[valid]),
         pair_coverage_failures=pair_coverage(space, points[failed]),
-        projection_coverage=_projection(space, space.categorise(points[valid])),
+        projection_coverage=projection_coverage(space.categorise(points[valid]), demand).ratio,
     )
 
 
@@ -111,27 +124,18 @@ def count_false_activations(tests: pd.DataFrame) -> FalseActivations:
 
 def _total(parts: Sequence[CountsT]) -> CountsT:
     """The sum of counts, field by field."""
-    first = type(parts[0])
-    return first(
-        **{name: sum(getattr(part, name) for part in parts) for name in first.model_fields}
-    )
-
-
-def _projection(space: Space, categories: Ints) -> float:
-    """Coverage in which every cell wants `TESTS_WANTED` tests, so it still distinguishes campaigns that cover all pairs."""
-    weights = [np.full(size, TESTS_WANTED) for size in space.sizes]
-    return projection_coverage(
-        categories, Demand(space.constraints, PROJECTION_K, weights, "max")
-    ).ratio
+    kind, sums = type(parts[0]), {}
+    for name in kind.model_fields:
+        sums[name] = sum(getattr(part, name) for part in parts)
+    return kind(**sums)
 
 
 def by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMeasures]]:
-    """The summaries of campaigns that differ only by their seed."""
+    """The measures of campaigns that differ only by their seed, group by group."""
     groups: dict[tuple[str, str, str], list[CampaignMeasures]] = {}
     for campaign in campaigns:
-        groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(
-            campaign
-        )
+        key = (campaign.scenario, campaign.strategy, campaign.version)
+        groups.setdefault(key, []).append(campaign)
     return list(groups.values())
 
 
@@ -143,7 +147,11 @@ def summarise(
 ) -> StrategyMeasures:
     """One strategy on one scenario over its seeds; see StrategyMeasures for the intervals.
 
-    independent: strategies whose tests are independent samples of the space.
+    Args:
+        group: Campaigns that differ only by their seed.
+        confidence: Confidence of the intervals, in (0, 1).
+        baseline: Strategy that the others are compared with.
+        independent: Strategies whose tests are independent samples of the space.
     """
     first = group[0]
 
@@ -151,13 +159,22 @@ def summarise(
         interval = mean_interval(values, confidence, (low, high))
         return Estimate(value=float(np.mean(values)), low=interval[0], high=interval[1])
 
-    found = censored_mean(
-        [c.f_measure or c.tests for c in group],
-        [c.f_measure is not None for c in group],
-        confidence,
-        least=1,
-    )
-    cost = None if first.strategy == baseline else _cost(group, confidence)
+    reached = [c.f_measure is not None for c in group]
+    spent = [c.f_measure or c.tests for c in group]
+    to_first = censored_mean(spent, reached, confidence, least=1)
+    saved, censored = None, 0
+    if first.strategy != baseline:
+        # Tests until the n-th failure as a share of the baseline's, 1 - C_n; at least the share of
+        # the whole budget if it was not reached.
+        shares = [(c.f_n or c.tests) / c.f_n_baseline for c in group]
+        cost = censored_mean(shares, [c.f_n is not None for c in group], confidence)
+        saved = Estimate(value=1 - cost.value, low=1 - cost.high, high=1 - cost.low)
+        censored = cost.censored
+    if first.strategy in independent:
+        tests, failures = (sum(c.tests - c.errors for c in group), sum(c.failures for c in group))
+        rate = _exact(Counted(tests, failures), confidence)
+    else:
+        rate = mean([c.failures / max(1, c.tests - c.errors) for c in group], 0, 1)
     return StrategyMeasures(
         scenario=first.scenario,
         strategy=first.strategy,
@@ -169,35 +186,14 @@ def summarise(
         modes=_total([c.modes for c in group]),
         causes=_total([c.causes for c in group]),
         false_activations=_total([c.false_activations for c in group]),
-        rate=_pooled_rate(group, confidence)
-        if first.strategy in independent
-        else mean(list(map(_rate, group)), 0, 1),
-        f_measure=Estimate(value=found.value, low=found.low, high=found.high),
-        f_measure_censored=found.censored,
-        c_measure=None
-        if cost is None
-        else Estimate(value=1 - cost.value, low=1 - cost.high, high=1 - cost.low),
-        c_measure_censored=0 if cost is None else cost.censored,
+        rate=rate,
+        f_measure=Estimate(value=to_first.value, low=to_first.low, high=to_first.high),
+        f_measure_censored=to_first.censored,
+        c_measure=saved,
+        c_measure_censored=censored,
         pair_coverage_tests=mean([c.pair_coverage_tests for c in group], 0, 1),
         pair_coverage_failures=mean([c.pair_coverage_failures for c in group], 0, 1),
         projection_coverage=mean([c.projection_coverage for c in group], 0, 1),
-    )
-
-
-def _cost(group: Sequence[CampaignMeasures], confidence: float) -> CensoredMean:
-    """Tests until the n-th failure as a share of the baseline's, 1 - C_n; at least that of the whole budget if it was not reached."""
-    spent = [(c.f_n or c.tests) / c.f_n_baseline for c in group]
-    return censored_mean(spent, [c.f_n is not None for c in group], confidence)
-
-
-def _rate(campaign: CampaignMeasures) -> float:
-    return campaign.failures / max(1, campaign.tests - campaign.errors)
-
-
-def _pooled_rate(group: Sequence[CampaignMeasures], confidence: float) -> Estimate:
-    """Failures per valid test over all campaigns, for independent tests only."""
-    return _exact(
-        Counted(sum(c.tests - c.errors for c in group), sum(c.failures for c in group)), confidence
     )
 
 
@@ -207,20 +203,23 @@ def _exact(counted: Counted, confidence: float) -> Estimate:
 
 
 def audited(tables: Mapping[CampaignId, pd.DataFrame], confidence: float) -> tuple[BaseRate, ...]:
-    """The failure rates of campaigns with independent tests, by scenario, strategy and version, over all seeds."""
+    """The failure rates of campaigns with independent tests, over all seeds.
+
+    One rate a scenario, strategy and version.
+    """
     groups: dict[tuple[str, str, str], list[pd.DataFrame]] = {}
     for campaign, tests in tables.items():
-        groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(
-            tests
-        )
+        key = (campaign.scenario, campaign.strategy, campaign.version)
+        groups.setdefault(key, []).append(tests)
     rates = []
     for (scenario, strategy, version), each in groups.items():
         tests = pd.concat(each)
         counted = Counted.of(tests["failure"].to_numpy(bool), (~is_valid(tests)).to_numpy())
-        named = {"scenario": scenario, "strategy": strategy, "version": version}
         rates.append(
             BaseRate(
-                **named,
+                scenario=scenario,
+                strategy=strategy,
+                version=version,
                 tests=counted.tests,
                 failures=counted.failures,
                 rate=_exact(counted, confidence),
@@ -230,13 +229,17 @@ def audited(tables: Mapping[CampaignId, pd.DataFrame], confidence: float) -> tup
 
 
 def series_name(measured: CampaignMeasures | StrategyMeasures) -> str:
-    """The name of a scenario and strategy in plots and metrics; it includes the version unless that is the base."""
-    own = f"{measured.scenario}-{measured.strategy}"
-    return own if measured.version == "base" else f"{own}-{measured.version}"
+    """Name in plots and metrics: scenario, strategy and, except for the base, version."""
+    name = f"{measured.scenario}-{measured.strategy}"
+    return name if measured.version == "base" else f"{name}-{measured.version}"
 
 
 def theta_table(campaigns: Sequence[CampaignMeasures]) -> pd.DataFrame:
-    """Failures found after 1, 2, ... tests: column `tests`, then the mean over seeds by `series_name`."""
+    """Failures found after 1, 2, ... tests.
+
+    Returns:
+        Column `tests`, then the mean over seeds by `series_name`.
+    """
     columns = {}
     for group in by_strategy(campaigns):
         length = min(len(campaign.theta) for campaign in group)

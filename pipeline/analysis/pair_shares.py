@@ -1,4 +1,4 @@
-"""Which pairs of categories tests and failures cover, for each pair of variables of a scenario space."""
+"""Pairs of categories that tests and failures cover, for each two variables of a space."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ from pipeline.core.space import Floats, Space
 
 @dataclass(frozen=True)
 class PairShare:
-    """Two variables. feasible: number of their pairs of categories; tests, failures: of these, how many a test or a failure covers."""
+    """Two variables and their feasible pairs of categories.
+
+    Attributes:
+        feasible: Number of feasible pairs.
+        tests: Number of them that a test covers.
+        failures: Number of them that a failure covers.
+    """
 
     first: str
     second: str
@@ -23,9 +29,17 @@ class PairShare:
 
 
 def pair_shares(space: Space, points: Floats, failed: NDArray[np.bool_]) -> tuple[PairShare, ...]:
-    """Every two variables in the order of the space; pairs that no feasible point has are left out.
+    """Covered pairs of categories for every two variables, in the order of the space.
 
-    points: valid tests (n, d). failed: (n,). The sums over all variables are those of the pair coverage (thesis section 6.1).
+    The sums over all variables are those of the pair coverage (thesis section 6.1).
+
+    Args:
+        space: The scenario space.
+        points: Valid tests, (n, d).
+        failed: Whether each test fails, (n,).
+
+    Returns:
+        A share for every two variables with a feasible pair.
     """
     demand = Demand(space.constraints, 2)
     by_tests, by_failures = demand.counts(), demand.counts()

@@ -1,4 +1,4 @@
-"""The planted truth: people and poses that the base set shows rarely, how often their tests failed, and which regions name them."""
+"""The planted blind spots: people and poses that the base set shows rarely, and their failures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,13 @@ GROUPS = {"children": "children", "crouching": "animation = crouching"}
 
 @dataclass(frozen=True)
 class Searched:
-    """The searches of the base. tests: valid rows of all campaigns. spaces: by scenario. regions: of each scenario."""
+    """The searches of the base.
+
+    Attributes:
+        tests: Valid rows of all campaigns.
+        spaces: Scenario -> its space.
+        regions: Failure regions of each scenario.
+    """
 
     tests: pd.DataFrame
     spaces: Mapping[str, Space]
@@ -32,54 +38,49 @@ class Searched:
 
     def of_group(self, group: str) -> pd.DataFrame:
         """The tests of a named group; none of a scenario without it."""
-        parts = [self.tests[self.tests["scenario"] == name] for name in self.spaces]
-        groups = [
-            named_groups(space, encode_tests(rows, space))
-            for rows, space in zip(parts, self.spaces.values(), strict=True)
-        ]
-        return pd.concat(
-            [
-                rows[found.get(group, np.zeros(len(rows), bool))]
-                for rows, found in zip(parts, groups, strict=True)
-            ]
-        )
+        parts = []
+        for name, space in self.spaces.items():
+            rows = self.tests[self.tests["scenario"] == name]
+            groups = named_groups(space, encode_tests(rows, space))
+            parts.append(rows[groups.get(group, np.zeros(len(rows), bool))])
+        return pd.concat(parts)
 
     def named(self, group: str) -> tuple[str, ...]:
         """The regions whose rules name a group."""
-        return tuple(
-            region.name
-            for found in self.regions
-            for region in found.regions
-            if group in region.groups
-        )
+        names: list[str] = []
+        for scenario in self.regions:
+            names += [region.name for region in scenario.regions if group in region.groups]
+        return tuple(names)
 
 
 def planted_groups(
     shown: Frequencies, searched: Searched, held_out: HeldOut, named: Mapping[str, Bools]
 ) -> Iterator[PlantedGroup]:
-    """Each group that the base was trained on rarely. shown: frequencies in its base set. named: the named groups of the held-out sequence,
-    name -> (n,) bool."""
+    """Each group that the base set shows rarely.
+
+    Args:
+        shown: Frequencies in the base set of the base.
+        searched: The searches of the base.
+        held_out: The held-out tests of all versions, n each.
+        named: Named groups of the held-out tests, name -> (n,) bool.
+    """
     for key, group in GROUPS.items():
         frequency = float(getattr(shown, key))
         if frequency == 1 or group not in named:
             continue
-        outcomes = {
-            version: held_out.outcomes(version).at(named[group]) for version in held_out.versions
-        }
+        counts = {}
+        for strategy, tests in searched.of_group(group).groupby("strategy", sort=False):
+            failures = int(tests["failure"].sum())
+            counts[str(strategy)] = Count(tests=len(tests), failures=failures)
+        counts_held_out = {}
+        for version in held_out.versions:
+            outcomes = held_out.outcomes(version).at(named[group])
+            count = Count(tests=outcomes.tests, failures=outcomes.failures)
+            counts_held_out[version] = count
         yield PlantedGroup(
             group=group,
             frequency=frequency,
-            searched={
-                str(strategy): _count(tests)
-                for strategy, tests in searched.of_group(group).groupby("strategy", sort=False)
-            },
+            searched=counts,
             regions=searched.named(group),
-            held_out={
-                version: Count(tests=found.tests, failures=found.failures)
-                for version, found in outcomes.items()
-            },
+            held_out=counts_held_out,
         )
-
-
-def _count(tests: pd.DataFrame) -> Count:
-    return Count(tests=len(tests), failures=int(tests["failure"].sum()))

@@ -1,4 +1,4 @@
-"""A few short sentences about a failure region: who fails under which conditions, what the camera saw, which change repairs how much."""
+"""A few sentences about a failure region: conditions, sight and detection, effect of changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ NAMED = 2
 
 
 class Part(Enum):
-    """The parts of a phrase about people, in their order: crouching | children | (W 37) | at most 1.3 m tall | in a skirt | with fog."""
+    """The parts of a phrase about people, in their order.
+
+    Crouching | children | (W 37) | at most 1.3 m tall | in a skirt | with fog.
+    """
 
     POSE, NOUN, NAMES, HEIGHT, LOOKS, OTHER = range(6)
 
@@ -29,14 +32,24 @@ def sentence(
     repairs: Sequence[Repair],
     control: Repair | None,
 ) -> str:
-    """The sentences as one text. repairs: those that repair most first."""
-    return " ".join(
-        [f"{subject(conditions)} {_seen(seen)}", *([_repairs(repairs, control)] if repairs else [])]
-    )
+    """The sentences as one text.
+
+    Args:
+        conditions: Conditions of the region's rule.
+        seen: When the pedestrian comes into sight and is detected.
+        repairs: Effects of single changes, the largest first.
+        control: Effect of other noise.
+    """
+    text = f"{subject(conditions)} {_seen(seen)}"
+    return f"{text} {_repairs(repairs, control)}" if repairs else text
 
 
 def subject(conditions: Sequence[RuleCondition]) -> str:
-    """`Crouching children with rain of at least 40 %`, of a rule's conditions; `People in every test` without any."""
+    """The people and the conditions of a rule.
+
+    Example: `Crouching children with rain of at least 40 %`; without conditions `People in every
+    test`.
+    """
     if not conditions:
         return "People in every test"
     parts: dict[Part, list[str]] = {part: [] for part in Part}
@@ -44,17 +57,12 @@ def subject(conditions: Sequence[RuleCondition]) -> str:
         part, text = _part(condition.text)
         parts[part].append(text)
     noun = parts[Part.NOUN] or ["children" if _only_children(conditions) else "people"]
-    others = [f"with {_listed(parts[Part.OTHER], 'and')}"] if parts[Part.OTHER] else []
-    phrase = " ".join(
-        [
-            *parts[Part.POSE],
-            *noun,
-            *parts[Part.NAMES],
-            *parts[Part.HEIGHT],
-            *parts[Part.LOOKS],
-            *others,
-        ]
-    )
+    words = [*parts[Part.POSE], *noun]
+    for part in (Part.NAMES, Part.HEIGHT, Part.LOOKS):
+        words += parts[part]
+    if parts[Part.OTHER]:
+        words.append(f"with {_listed(parts[Part.OTHER], 'and')}")
+    phrase = " ".join(words)
     return f"{phrase[0].upper()}{phrase[1:]}"
 
 
@@ -77,71 +85,59 @@ def _part(condition: str) -> tuple[Part, str]:
 
 
 def _only_children(conditions: Sequence[RuleCondition]) -> bool:
-    """Whether the conditions list people of whom none is an adult, as `blueprint = M 34` does."""
+    """Whether the conditions list people and all of them are children: `blueprint = M 34`."""
     listed = [set(c.values) for c in conditions if c.variable == people.VARIABLE]
     return bool(listed) and all(people.person(name).child for name in set.intersection(*listed))
 
 
 def plain(condition: str) -> str:
     """A condition of a rule without signs: `rain of at least 40 %` for `rain >= 40 %`."""
-    text = re.sub(
-        r"^(\w+)_m (.+)$", r"\1 \2 m", condition
-    )  # An attribute in metres, such as height_m.
+    # An attribute in metres, such as height_m.
+    text = re.sub(r"^(\w+)_m (.+)$", r"\1 \2 m", condition)
     text = text.replace("_", " ").replace(" >= ", " of at least ").replace(" <= ", " of at most ")
     text = re.sub(r" in \[(.+?), (.+?)\]", r" from \1 to \2", text)
-    listed = re.match(r"(.+) in \{(.+)\}", text)
-    return (
-        f"{listed[1]} {_listed(listed[2].split(', '), 'or')}"
-        if listed
-        else text.replace(" = ", " ")
-    )
+    if listed := re.match(r"(.+) in \{(.+)\}", text):
+        return f"{listed[1]} {_listed(listed[2].split(', '), 'or')}"
+    return text.replace(" = ", " ")
 
 
 def _seen(seen: Seen) -> str:
+    """When the pedestrians come into sight and are first detected."""
     if not seen.in_sight:
         return f"are never in sight ({seen.failures} failures)."
     if seen.delay_s is None or seen.first_detection_m is None:
         unseen = f", except for {seen.detected} never in sight" if seen.detected else ""
-        sight = f"come into sight {_metres(seen.first_sight_m)} before the conflict point and are never detected{unseen}"
-        return f"{sight} (median of {seen.in_sight} failures)."
-    delay = (
-        f"{seen.delay_s:.1f} s after they come into sight"
-        if seen.delay_s >= 0.05
-        else "as soon as they come into sight"
+        return (
+            f"come into sight {seen.first_sight_m or 0:.0f} m before the conflict point and are "
+            f"never detected{unseen} (median of {seen.in_sight} failures)."
+        )
+    delay = "as soon as they come into sight"
+    if seen.delay_s >= 0.05:
+        delay = f"{seen.delay_s:.1f} s after they come into sight"
+    never = ""
+    if missed := seen.failures - seen.detected:
+        never = f"; {missed} {'is' if missed == 1 else 'are'} never detected"
+    return (
+        f"are first detected {delay}, {seen.first_detection_m:.0f} m before the conflict point. "
+        f"Medians of {seen.failures} failures{never}."
     )
-    never = (
-        f"; {missed} {'is' if missed == 1 else 'are'} never detected"
-        if (missed := seen.failures - seen.detected)
-        else ""
-    )
-    medians = f"Medians of {seen.failures} failures{never}."
-    return f"are first detected {delay}, {_metres(seen.first_detection_m)} before the conflict point. {medians}"
-
-
-def _metres(distance: float | None) -> str:
-    return f"{distance or 0:.0f} m"
 
 
 def _repairs(repairs: Sequence[Repair], control: Repair | None) -> str:
-    found = _named(repairs)
-    shares = ", ".join(
-        f"{repair.change} {repair.repaired} of {repair.tests}"
-        for repair in [*found, *([control] if control else [])]
-    )
-    if found:
-        return f"Repairs: {shares}."
-    return f"No single change repairs any of {max(repair.tests for repair in repairs)}{', ' if control else ''}{shares}."
-
-
-def _named(repairs: Sequence[Repair]) -> list[Repair]:
-    """The best single changes, and clear weather as a whole if it repairs more."""
-    single = [repair for repair in repairs if len(repair.values) < 2 and repair.repaired][:NAMED]
-    most = max((repair.repaired for repair in single), default=0)
-    return [
-        *single,
-        *(repair for repair in repairs if len(repair.values) > 1 and repair.repaired > most),
-    ]
+    """The best single changes, and clear weather as a whole if it has a larger effect."""
+    named = [repair for repair in repairs if len(repair.values) < 2 and repair.repaired][:NAMED]
+    most = max((repair.repaired for repair in named), default=0)
+    named += [repair for repair in repairs if len(repair.values) > 1 and repair.repaired > most]
+    shares = []
+    for repair in [*named, *([control] if control else [])]:
+        shares.append(f"{repair.change} {repair.repaired} of {repair.tests}")
+    if named:
+        return f"Repairs: {', '.join(shares)}."
+    tests = max(repair.tests for repair in repairs)
+    clauses = [f"No single change repairs any of {tests}", *shares]
+    return f"{', '.join(clauses)}."
 
 
 def _listed(parts: Sequence[str], last: str) -> str:
+    """`a, b and c`. last: the word before the last part."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}"

@@ -10,22 +10,22 @@ from pipeline.core.space import Space
 
 
 def stored_rule(space: Space, conditions: Sequence[RuleCondition]) -> Rule:
-    """The rule that admits the same points as the one that was stored; ValueError for a variable that the space does not have."""
-    return Rule(tuple(_condition(space, stored) for stored in conditions))
+    """The rule that admits the same points as the stored one.
 
-
-def _condition(space: Space, stored: RuleCondition) -> Condition:
-    first, other, sign = _variables(space, stored.variable)
-    if stored.low is not None and stored.high is not None:
-        return Condition(first, stored.low, stored.high, other=other, sign=sign)
-    return Condition(
-        first, values=tuple(space.variables[first].values.index(name) for name in stored.values)
-    )
-
-
-def _variables(space: Space, name: str) -> tuple[int, int, int]:
-    """The index of a variable; of `rain - fog`, those of both and the sign."""
-    if name in space.names:
-        return space.names.index(name), 0, 0
-    first, sign, other = name.split(" ")
-    return space.names.index(first), space.names.index(other), 1 if sign == "+" else -1
+    Raises:
+        ValueError: The space lacks a variable of the rule.
+    """
+    rebuilt = []
+    for stored in conditions:
+        name, other, sign = stored.variable, 0, 0
+        if name not in space.names:  # A sum or a difference, such as `rain - fog`.
+            name, operator, other_name = name.split(" ")
+            other, sign = space.names.index(other_name), 1 if operator == "+" else -1
+        first = space.names.index(name)
+        if stored.low is not None and stored.high is not None:
+            condition = Condition(first, stored.low, stored.high, other=other, sign=sign)
+        else:
+            values = space.variables[first].values
+            condition = Condition(first, values=tuple(map(values.index, stored.values)))
+        rebuilt.append(condition)
+    return Rule(tuple(rebuilt))

@@ -1,4 +1,4 @@
-"""White-box coverage."""
+"""The images and the profile for white-box coverage of a detector."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from pipeline.detectors.yolo.activations import activations
 from pipeline.detectors.yolo.network import Yolo
 
 FRAMES, PROFILED = 250, 600
-"""Largest number of images per set and of training images, drawn evenly: coverage grows with the number of images, so all sets have the
-same number."""
+"""Largest number of images per set and of training images, drawn evenly.
 
-
+Coverage grows with the number of images, so all sets have the same number."""
 DRAW_SEED = 0
 
 
@@ -42,5 +41,5 @@ def kept_frames(paths: Sequence[Path]) -> list[bytes]:
 
 
 def drawn(many: int, count: int) -> Ints:
-    """Sorted indices (count,) of `many`, drawn evenly without replacement."""
+    """Sorted indices (count,) below `many`, drawn evenly without replacement."""
     return np.sort(np.random.default_rng(DRAW_SEED).choice(many, count, replace=False))

@@ -1,4 +1,4 @@
-"""Why the tests of a region fail: from the rows of its failures, as executed and with single changes."""
+"""Why the tests of a region fail: its failures as executed and with single changes."""
 
 from __future__ import annotations
 
@@ -21,44 +21,44 @@ from pipeline.scenarios.changes import CONTROL, Change, ranked
 def recorded(
     region: FailureRegion, tests: pd.DataFrame, signals: Mapping[str, Signals]
 ) -> list[dict[str, Any]]:
-    """The rows of a region's failures as their campaigns executed them. tests: rows of tests.parquet by test_id; signals: by test_id."""
-    how = {
-        "region": region.name,
-        "change": UNCHANGED,
-        "status": "ok",
-        "reason": "",
-        "failure": True,
-    }
-    return [
-        {
-            **how,
-            "test_id": test,
-            "adj_ttc_s": float(tests.loc[test, "adj_ttc_s"]),
-            **asdict(sight(signals[test])),
-        }
-        for test in region.members
-    ]
+    """The rows of a region's failures as their campaigns executed them.
+
+    Args:
+        region: The region.
+        tests: Rows of tests.parquet, indexed by test_id.
+        signals: test_id -> its signals.
+    """
+    rows: list[dict[str, Any]] = []
+    for test in region.members:
+        row = {"region": region.name, "change": UNCHANGED, "status": "ok", "reason": ""}
+        adjusted_s = float(tests.loc[test, "adj_ttc_s"])
+        outcome = {"failure": True, "test_id": test, "adj_ttc_s": adjusted_s}
+        rows.append({**row, **outcome, **asdict(sight(signals[test]))})
+    return rows
 
 
 def explained(
     region: FailureRegion, changes: Sequence[Change], rows: pd.DataFrame, confidence: float
 ) -> FailureRegion:
-    """The region with its `why`. changes: in the order of their declaration, which breaks ties. rows: `pipeline.artefacts.tables.WHY`."""
-    own = rows[rows["region"] == region.name]
-    seen = _seen(own[own["change"] == UNCHANGED])
-    counted = [
-        (change, _repair(change, own[own["change"] == change.text], confidence))
-        for change in changes
-    ]
-    executed = {change.text: repair for change, repair in counted if repair.tests or repair.errors}
-    order = ranked(
-        [
-            (change, repair.repaired)
-            for change, repair in counted
-            if change.text in executed and not change.is_control
-        ]
-    )
-    repairs, control = [executed[change.text] for change in order], executed.get(CONTROL.text)
+    """The region with its `why`.
+
+    Args:
+        region: The region.
+        changes: Single changes in the order of their declaration, which breaks ties.
+        rows: Rows of `pipeline.artefacts.tables.WHY`.
+        confidence: Confidence of the intervals, in (0, 1).
+    """
+    of_region = rows[rows["region"] == region.name]
+    seen = _seen(of_region[of_region["change"] == UNCHANGED])
+    executed, effects = {}, []
+    for change in changes:
+        repair = _repair(change, of_region[of_region["change"] == change.text], confidence)
+        if repair.tests or repair.errors:
+            executed[change.text] = repair
+            if not change.is_control:
+                effects.append((change, repair.repaired))
+    repairs = [executed[change.text] for change in ranked(effects)]
+    control = executed.get(CONTROL.text)
     why = Why(
         sentence=sentence(region.conditions, seen, repairs, control),
         seen=seen,

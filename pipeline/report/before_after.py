@@ -1,4 +1,4 @@
-"""Stills of one test before and after retraining: what two versions report in the same camera image."""
+"""Stills of one test before and after retraining: two versions on the same camera image."""
 
 from __future__ import annotations
 
@@ -13,28 +13,29 @@ from pipeline.report.replays import draw_view, jpeg_uri, outcome_text
 def before_after(
     title: str, versions: tuple[str, str], episodes: tuple[Episode, Episode], threshold_s: float
 ) -> BeforeAfter:
-    """The moment in which the later version's confidence is furthest above the earlier one's, with how both tests end.
+    """The moment of the largest gain in confidence, and how both tests end.
 
-    versions: the earlier one, the later one. episodes: of the same test, all frames kept. threshold_s: the adj. TTC of a failure.
+    Args:
+        title: Title of the pair.
+        versions: The earlier and the later version.
+        episodes: The same test with each version, all frames kept.
+        threshold_s: Adj. TTC at or below which a test fails.
     """
-    stills = [
-        Still(
-            f"{version}: {outcome_text(evaluate(episode.signals, threshold_s))}",
-            jpeg_uri(draw_view(kept)),
-        )
-        for version, episode, kept in zip(versions, episodes, moment(*episodes), strict=True)
-    ]
+    stills = []
+    for version, episode, kept in zip(versions, episodes, moment(*episodes), strict=True):
+        outcome = outcome_text(evaluate(episode.signals, threshold_s))
+        stills.append(Still(f"{version}: {outcome}", jpeg_uri(draw_view(kept))))
     return BeforeAfter(title, *stills)
 
 
 def moment(before: Episode, after: Episode) -> tuple[KeptFrame, KeptFrame]:
-    """Among the frames that are the same image in both episodes, those with the largest gain in the confidence of a match; the last of
-    several. The cars drive apart as soon as one of them brakes; the first frame is always the same."""
-    same = [
-        pair
-        for pair in zip(before.frames, after.frames, strict=False)
-        if np.array_equal(pair[0].frame.image, pair[1].frame.image)
-    ]
+    """The frames with the largest gain in the confidence of a match; the last of several.
+
+    Only frames with the same image count. The images differ as soon as one of the cars brakes; the
+    first one is always the same.
+    """
+    pairs = zip(before.frames, after.frames, strict=False)
+    same = [pair for pair in pairs if np.array_equal(pair[0].frame.image, pair[1].frame.image)]
     return max(
         reversed(same), key=lambda pair: pair[1].matching.confidence - pair[0].matching.confidence
     )

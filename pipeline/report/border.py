@@ -1,4 +1,4 @@
-"""The frames closest to the filter's thresholds, kept and rejected, as crops that a person can judge."""
+"""The frames closest to the filter's thresholds, kept and rejected, as crops for a person."""
 
 from __future__ import annotations
 
@@ -25,7 +25,14 @@ VISIBLE = [f"visible_{side}" for side in SIDES]
 
 @dataclass(frozen=True)
 class Case:
-    """One frame at the border. crop: (CROP, CROP, 3) uint8 RGB around the pedestrian; box: (4,) its box in the crop, pixels."""
+    """One frame near the thresholds.
+
+    Attributes:
+        visible_pixels: Visible pixels of the pedestrian.
+        contrast: Grey levels, 0 to 255.
+        crop: (CROP, CROP, 3) uint8 RGB around the pedestrian.
+        box: (4,) the pedestrian's box in the crop, pixels.
+    """
 
     test_id: str
     step: int
@@ -39,53 +46,61 @@ class Case:
 def nearest(
     judged: pd.DataFrame, min_visible_pixels: int, min_detectability: float, count: int
 ) -> pd.DataFrame:
-    """Up to `count` rows of a filter table, half of them kept, nearest to the thresholds by ratio; one a test, the nearest first."""
+    """The rows of a filter table nearest to the thresholds by ratio, the nearest first.
+
+    Args:
+        judged: Filter table.
+        min_visible_pixels: Threshold on the visible pixels.
+        min_detectability: Threshold on the detectability.
+        count: Largest number of rows; half of them are kept frames.
+
+    Returns:
+        At most one row a test, of the kept and of the rejected frames each.
+    """
     rows = judged[judged["reason"].isin(JUDGED)]
     pixels = np.log2(rows["visible_pixels"] / max(min_visible_pixels, 1))
-    clear = np.log2(
-        detectability(rows["visible_pixels"], rows["contrast"].clip(lower=0.01))
-        / max(min_detectability, 0.01)
-    )
-    ordered = rows.assign(border=np.minimum(pixels, clear).abs()).sort_values(
-        ["border", "test_id", "step"], kind="stable"
-    )
+    clarity = detectability(rows["visible_pixels"], rows["contrast"].clip(lower=0.01))
+    clear = np.log2(clarity / max(min_detectability, 0.01))
+    ranked = rows.assign(border=np.minimum(pixels, clear).abs())
+    ordered = ranked.sort_values(["border", "test_id", "step"], kind="stable")
     if ordered.empty:
         return ordered
-    return pd.concat(
-        [
-            group.drop_duplicates("test_id").head(count // 2)
-            for _, group in ordered.groupby("kept", sort=False)
-        ]
-    )
+    groups = ordered.groupby("kept", sort=False)
+    return pd.concat([group.drop_duplicates("test_id").head(count // 2) for _, group in groups])
 
 
 def cases(rows: pd.DataFrame, frames: Sequence[Path]) -> list[Case]:
-    """The crops of rows of a filter table, in their order. frames: frames.parquet of the campaigns."""
-    found: dict[tuple[str, int], Case] = {}
+    """The crops of rows of a filter table, in the order of the rows.
+
+    Args:
+        rows: Rows of a filter table.
+        frames: frames.parquet of the campaigns.
+    """
+    key = ["test_id", "step"]
+    by_frame: dict[tuple[str, int], Case] = {}
     for path in frames:
-        wanted = read_frames(path, ["test_id", "step"]).merge(
-            rows[["test_id", "step"]], on=["test_id", "step"]
-        )
-        if not len(wanted):
+        if read_frames(path, key).merge(rows[key], on=key).empty:
             continue
-        for row in (
-            read_frames(path)
-            .merge(rows[["test_id", "step", "kept"]], on=["test_id", "step"])
-            .to_dict("records")
-        ):
+        matched = read_frames(path).merge(rows[[*key, "kept"]], on=key)
+        for row in matched.to_dict("records"):
             crop, box = _crop(decode_jpeg(row["image"]), np.array([row[side] for side in VISIBLE]))
-            shown = int(row["visible_pixels"]), float(row["contrast"])
-            found[row["test_id"], row["step"]] = Case(
-                row["test_id"], row["step"], bool(row["kept"]), *shown, crop, box
+            by_frame[row["test_id"], row["step"]] = Case(
+                test_id=row["test_id"],
+                step=row["step"],
+                kept=bool(row["kept"]),
+                visible_pixels=int(row["visible_pixels"]),
+                contrast=float(row["contrast"]),
+                crop=crop,
+                box=box,
             )
     keys = zip(rows["test_id"], rows["step"], strict=True)
-    return [found[key] for key in keys if key in found]
+    return [by_frame[frame] for frame in keys if frame in by_frame]
 
 
 def _crop(
     image: NDArray[np.uint8], box: NDArray[np.float64]
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """A square around a box, twice as large as a large one, at one size; the image's edge is repeated beyond it."""
+    """A square around a box, at one size, and the box in it; beyond the image its edge repeats."""
     side = max(CROP, 2 * float(np.max(box[2:] - box[:2])))
     left, top = (box[:2] + box[2:]) / 2 - side / 2
     scale = CROP / side

@@ -1,4 +1,4 @@
-"""How the pages and plots of a study are listed in `snakemake --report`; the captions are in pipeline/rules/captions."""
+"""How `snakemake --report` lists a study's pages and plots; captions: pipeline/rules/captions."""
 
 from __future__ import annotations
 
@@ -60,12 +60,7 @@ def entry(path: str) -> Entry:
     file = PurePosixPath(path)
     if file.suffix == ".html":
         kind = FOLDERS.get(file.parent.name, "front_car" if file.stem == "front_car" else "page")
-        return Entry(
-            kind,
-            (
-                ("page", kind.replace("_", " ")),
-                ("of", file.stem if file.parent.name in FOLDERS else "the study"),
-            ),
-        )
+        of = file.stem if file.parent.name in FOLDERS else "the study"
+        return Entry(kind, (("page", kind.replace("_", " ")), ("of", of)))
     kind, scenario = (file.stem, "") if file.stem in CATEGORIES else file.stem.split("_", 1)
     return Entry(kind, (("plot", kind.replace("_", " ")), ("of", scenario or "the study")))

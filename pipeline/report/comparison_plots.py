@@ -1,6 +1,8 @@
-"""Figures of the comparison: failures by version and mode, the distribution of adj. TTC, failures by round."""
+"""Figures of the comparison: failures by version, mode and round, distribution of adj. TTC."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -31,17 +33,13 @@ def comparison_bars(comparison: Comparison) -> Figure:
                 name = MODE_NAMES[mode] if position == 0 else None
                 axis.barh(position, share, 0.6, left=left, color=MODE_COLOURS[mode], label=name)
                 left += share
-        axis.set_yticks(
-            range(len(comparison.versions)), [version.version for version in comparison.versions]
-        )
+        names = [version.version for version in comparison.versions]
+        axis.set_yticks(range(len(names)), names)
         axis.invert_yaxis()
         axis.grid(False, axis="y")
         axis.xaxis.set_major_formatter(lambda value, _: f"{100 * value:g} %")
-        axis.set(
-            xlabel="share of tests that fail",
-            xlim=(0, None),
-            title=" + ".join(comparison.scenarios.values()),
-        )
+        title = " + ".join(comparison.scenarios.values())
+        axis.set(xlabel="share of tests that fail", xlim=(0, None), title=title)
         legend_below(figure, [axis])
     return figure
 
@@ -49,8 +47,13 @@ def comparison_bars(comparison: Comparison) -> Figure:
 def kpi_histogram(table: pd.DataFrame, comparison: Comparison, threshold_s: float) -> Figure:
     """Distribution of adj. TTC (thesis Fig. 7.4, 7.5), one row of panels per held-out scenario.
 
-    The first bin holds the failures, but for unnecessary braking, which fails at any adj. TTC. One column for base and one for each group
-    of the last round, mean over its seeds. table: rows of comparison.parquet.
+    There is one column for base and one for each group of the last round, mean over its seeds. The
+    first bin contains the failures, except for unnecessary braking, which fails at any adj. TTC.
+
+    Args:
+        table: Rows of comparison.parquet.
+        comparison: The compared versions.
+        threshold_s: Adj. TTC at or below which a test fails; the width of a bin.
     """
     base, *others = comparison.groups
     groups = [base, *(group for group in others if group.round == others[-1].round)]
@@ -59,21 +62,14 @@ def kpi_histogram(table: pd.DataFrame, comparison: Comparison, threshold_s: floa
     edges = np.arange(0, top + threshold_s, threshold_s)
     with styled():
         labels = comparison.scenarios
-        figure, axes = panels(
-            len(labels),
-            len(groups),
-            width=9.4 / len(groups),
-            height=2.5 if len(labels) == 1 else 1.8,
-        )
+        height = 2.5 if len(labels) == 1 else 1.8
+        figure, axes = panels(len(labels), len(groups), width=9.4 / len(groups), height=height)
         for line, (scenario, label) in zip(axes, labels.items(), strict=True):
             for axis, group in zip(line, groups, strict=True):
-                rows = table[
-                    table["version"].isin(group.versions) & (table["scenario"] == scenario)
-                ]
-                parts = [
-                    rows.loc[rows["failure"], "adj_ttc_s"],
-                    rows.loc[~rows["failure"], "adj_ttc_s"],
-                ]
+                of_group = table["version"].isin(group.versions)
+                rows = table[of_group & (table["scenario"] == scenario)]
+                failed, adjusted_s = rows["failure"], rows["adj_ttc_s"]
+                parts = [adjusted_s[failed], adjusted_s[~failed]]
                 weights = [np.full(len(part), 1 / len(group.versions)) for part in parts]
                 colours = [MODE_COLOURS["contact"], MODE_COLOURS["none"]]
                 axis.hist(
@@ -97,7 +93,10 @@ def kpi_histogram(table: pd.DataFrame, comparison: Comparison, threshold_s: floa
 
 
 def failures_by_round(comparison: Comparison) -> Figure:
-    """Failures on the frozen sequence after each round, by kind of version; offset sideways so that the intervals do not overlap."""
+    """Failures on the frozen sequence after each round, by kind of version.
+
+    The kinds are offset sideways so that their intervals do not overlap.
+    """
     base, *retrained = comparison.groups
     kinds = list(dict.fromkeys(group.group.partition("-")[0] for group in retrained))
     colours = series_colours(kinds)
@@ -107,20 +106,12 @@ def failures_by_round(comparison: Comparison) -> Figure:
         for rank, kind in enumerate(kinds):
             line = [base, *(group for group in retrained if group.group.partition("-")[0] == kind)]
             values = np.array([group.failures.value for group in line])
-            errors = np.abs(
-                np.array([[g.failures.low for g in line], [g.failures.high for g in line]]) - values
-            )
+            low = [group.failures.low for group in line]
+            high = [group.failures.high for group in line]
+            errors = np.abs(np.array([low, high]) - values)
             rounds = [group.round + 0.06 * (rank - (len(kinds) - 1) / 2) for group in line]
-            axis.errorbar(
-                rounds,
-                values,
-                errors,
-                color=colours[kind],
-                marker="o",
-                linewidth=2,
-                capsize=3,
-                label=kind,
-            )
+            style: dict[str, Any] = {"marker": "o", "linewidth": 2, "capsize": 3}
+            axis.errorbar(rounds, values, errors, color=colours[kind], label=kind, **style)
         axis.set(xlabel="round", ylabel="failures on held-out tests", ylim=(0, None))
         axis.set_xticks(range(max(group.round for group in comparison.groups) + 1))
         legend_below(figure, [axis])

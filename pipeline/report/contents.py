@@ -1,11 +1,10 @@
-"""From a study's results to the report: its figures, its replays and the page that holds them."""
+"""The contents of the report: figures, replays and the page that holds them."""
 
 from __future__ import annotations
 
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -29,7 +28,7 @@ from pipeline.report import (
 )
 from pipeline.report.before_after import before_after
 from pipeline.report.border import Case, cases, nearest
-from pipeline.report.data import ComparedVersions, ReportData
+from pipeline.report.data import ReportData
 from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_regions, choose_regression
 from pipeline.report.explorer import explorer
 from pipeline.report.first_screen import drive, first_screen, no_fix
@@ -45,40 +44,54 @@ BORDER_CASES = 32
 FIXES = 3
 """Fixes shown, the first one on the first screen."""
 Both = tuple[Episode, Episode]
+"""Of the version before and the version after."""
 
 
 def border_cases(
     config: Config, filters: Mapping[str, pd.DataFrame], frames: Sequence[Path]
 ) -> tuple[Case, ...]:
-    """The frames nearest to the filter's border, over all strategies. frames: frames.parquet of their campaigns."""
-    if not filters:  # No version learns from tests.
+    """The frames nearest to the filter's thresholds, over all strategies.
+
+    Args:
+        config: The study's configuration.
+        filters: Strategy -> its filter table; empty if no version learns from tests.
+        frames: frames.parquet of the campaigns.
+    """
+    if not filters:
         return ()
     judged = pd.concat(filters.values(), ignore_index=True)
-    rows = nearest(
-        judged, config.filter.min_visible_pixels, config.filter.min_detectability, BORDER_CASES
-    )
+    section = config.filter
+    rows = nearest(judged, section.min_visible_pixels, section.min_detectability, BORDER_CASES)
     return tuple(cases(rows, frames))
 
 
 def draw_figures(
     data: ReportData, strategies: Sequence[str], threshold_s: float
 ) -> dict[str, Figure]:
-    """Every figure of the report by the name of its file. threshold_s: the adj. TTC of a failure."""
+    """Every figure of the report, by the name of its file.
+
+    Args:
+        data: Contents of the report.
+        strategies: Strategies of the search, in the order of their panels.
+        threshold_s: Adj. TTC at or below which a test fails.
+    """
     figures = {
         "theta": search_plots.theta_curves(data.measures, data.labels),
         "coverage": search_plots.coverage_bars(data.measures, data.labels),
     }
     for regions in data.regions:
-        name, tests = regions.scenario, data.tests[regions.scenario]
-        figures[f"kpi_{name}"] = search_plots.kpi_scatter(
-            tests, strategies, regions.label, threshold_s
-        )
-        figures[f"pairs_{name}"] = coverage_plots.pair_matrix(data.pairs[name], regions.label)
-        figures[f"failures_{name}"] = search_plots.parallel_coordinates(
-            tests, data.spaces[name], regions
-        )
+        name, label = regions.scenario, regions.label
+        tests = data.tests[name]
+        figures[f"kpi_{name}"] = search_plots.kpi_scatter(tests, strategies, label, threshold_s)
+        figures[f"pairs_{name}"] = coverage_plots.pair_matrix(data.pairs[name], label)
+        lines = search_plots.parallel_coordinates(tests, data.spaces[name], regions)
+        figures[f"failures_{name}"] = lines
     if data.compared is not None:
-        figures |= _comparison_figures(data.compared, threshold_s)
+        comparison, table = data.compared.comparison, data.compared.tests
+        figures["comparison"] = comparison_plots.comparison_bars(comparison)
+        figures["histogram"] = comparison_plots.kpi_histogram(table, comparison, threshold_s)
+        if max(result.round for result in comparison.versions) > 1:
+            figures["rounds"] = comparison_plots.failures_by_round(comparison)
     if data.filters:
         figures["border"] = training_plots.border_sheet(data.border)
     if data.cards:
@@ -89,97 +102,129 @@ def draw_figures(
     return figures
 
 
-def _comparison_figures(compared: ComparedVersions, threshold_s: float) -> dict[str, Figure]:
-    comparison = compared.comparison
-    figures = {
-        "comparison": comparison_plots.comparison_bars(comparison),
-        "histogram": comparison_plots.kpi_histogram(compared.tests, comparison, threshold_s),
-    }
-    if max(result.round for result in comparison.versions) > 1:
-        figures["rounds"] = comparison_plots.failures_by_round(comparison)
-    return figures
-
-
 def make_page(
     config: Config, data: ReportData, figures: Mapping[str, Figure], progress: OnProgress
 ) -> Page:
-    """The page with its stills and replays, whose tests are simulated again."""
+    """The page with its stills and replays, for which tests are executed again.
+
+    Args:
+        config: The study's configuration.
+        data: Contents of the report.
+        figures: Figures from `draw_figures`.
+        progress: Called after each figure and each executed test.
+    """
+    threshold_s = config.campaign.failure_threshold_s
     spaces = dict(data.spaces) | {name: config.space(name) for name in config.held_out}
     drawings: dict[str, Drawing] = {}
     for done, (name, figure) in enumerate(figures.items(), 1):
         drawings[name] = _drawing(figure, name, data)
         progress(done, len(figures), f"figure {name}")
-    fixes, pair = _changes(data.compared, spaces)
+    fixes: list[Fix] = []
+    regression: list[Chosen] = []
+    if data.compared is not None:
+        changed = data.compared.comparison, data.compared.tests, spaces
+        fixes, regression = choose_fixes(*changed, FIXES), choose_regression(*changed)
     budget = config.report.replays
     filmed = 2 if fixes and budget >= 2 else 0
-    pair = pair if budget - filmed >= 2 else []
-    chosen = choose_regions(data.regions, data.version, budget - filmed - len(pair))
-    reruns = Reruns(
-        config, partial(_detector, config, data), 2 * len(fixes) + len(pair) + len(chosen), progress
-    )
+    if budget - filmed < 2:
+        regression = []
+    chosen = choose_regions(data.regions, data.version, budget - filmed - len(regression))
+
+    def detector(version: str) -> Detector:
+        """A version's detector, calibrated as in its tests."""
+        settings = as_tested(config.detector, data.calibrations.get(version))
+        return make_detector(settings, data.detectors[version])
+
+    total = 2 * len(fixes) + len(regression) + len(chosen)
+    reruns = Reruns(config, detector, total, progress)
     executed = [(fix, (reruns.execute(fix.before), reruns.execute(fix.after))) for fix in fixes]
-    stills = [
-        _stills(fix, episodes, config.campaign.failure_threshold_s)
-        for fix, episodes in executed[1:]
-    ]
-    films = [
-        _film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s)
-        for test in pair
-    ]
+    stills = [_stills(fix, episodes, threshold_s) for fix, episodes in executed[1:]]
+    films = [_film(reruns, test, spaces[test.scenario], threshold_s) for test in regression]
     by_region: dict[str, list[Film]] = {}
     for test in chosen:
-        film = _film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s)
+        film = _film(reruns, test, spaces[test.scenario], threshold_s)
         by_region.setdefault(test.region, []).append(film)
-    frames = KeptFrames(data.frames)
-    found = [
-        _verdict(data, drawings, stills, films),
-        _regions(data, drawings, _cards(data, frames, by_region, config.threshold)),
-        _search(data, drawings),
-        sections.data_section(
-            data.filters,
-            data.cards,
-            _named(drawings, "border"),
-            _named(drawings, "detection", "reliability"),
-        ),
-    ]
-    if data.calibrations:
-        found.append(
-            sections.calibration_section(
-                tuple(data.calibrations.values()), _named(drawings, "reliability")
-            )
-        )
-    every = data.every_test
-    found.append(
+    frames, every = KeptFrames(data.frames), data.every_test
+    region_cards = _cards(data, frames, by_region, config.threshold)
+    shown = _sections(data, drawings, stills, films, region_cards)
+    shown.append(
         identity_section(every, data.every_label, data.cards, data.files, _settings(config))
     )
-    title = (
-        "Where does the detector fail, and did retraining help?"
-        if data.cards
-        else "Where does the detector fail?"
-    )
-    shown = tuple(section for section in found if section is not None)
-    tested = set(every["scenario"])
-    table = explorer(
-        every,
-        data.every_label,
-        {name: space for name, space in spaces.items() if name in tested},
-        data.regions,
-        frames,
-    )
+    executed_in = set(every["scenario"])
+    tested = {name: space for name, space in spaces.items() if name in executed_in}
+    headline = sections.headline(data.regions, data.measures.base_rates)
+    if data.compared is not None:
+        verdict = verdict_section.headline(data.compared.comparison)
+        headline = " ".join([verdict, *sections.largest_regions(data.regions)])
+    question = ", and did retraining help?" if data.cards else "?"
     return Page(
         config.study,
-        _headline(data),
-        shown,
-        title,
-        table,
+        headline,
+        tuple(shown),
+        f"Where does the detector fail{question}",
+        explorer(every, data.every_label, tested, data.regions, frames),
         _first(config, data, executed, bool(filmed)),
     )
+
+
+def _drawing(figure: Figure, name: str, data: ReportData) -> Drawing:
+    """A figure and how to read it, given the seeds of the searches and trainings."""
+    kind = name.partition("_")[0]
+    words = [texts.FIGURES[kind]]
+    if any(len(row.seeds) > 1 for row in data.measures.strategies):
+        words.append(texts.SEARCHES.get(kind, ""))
+    if data.compared is not None and data.compared.comparison.seeds > 1:
+        words.append(texts.TRAININGS.get(kind, ""))
+    return Drawing.of(figure, " ".join(filter(None, words)))
+
+
+def _sections(
+    data: ReportData,
+    drawings: Mapping[str, Drawing],
+    stills: Sequence[BeforeAfter],
+    films: Sequence[Film],
+    region_cards: Mapping[str, Sequence[Card]],
+) -> list[Section]:
+    """The sections on the verdict, the regions, the search and the training, without empty ones."""
+
+    def named(*names: str) -> list[Drawing]:
+        return [drawings[name] for name in names if name in drawings]
+
+    result = []
+    if data.compared is not None:
+        rounds = named("rounds")
+        section = verdict_section.verdict_section(
+            data.compared.comparison,
+            data.compared.named_changes,
+            named("comparison", "histogram"),
+            verdict_section.rounds_part(data.learnt, rounds) if rounds else None,
+            stills,
+            films,
+        )
+        result.append(section)
+    lines = {name: drawings[f"failures_{name}"] for name in data.labels}
+    rates = data.measures.base_rates
+    result.append(sections.regions_section(data.regions, rates, lines, region_cards))
+    plots = named("theta", *(f"kpi_{name}" for name in data.labels))
+    coverage = named("coverage", *(f"pairs_{name}" for name in data.labels))
+    search = sections.search_section(
+        data.measures, data.white_box, data.labels, plots, coverage, data.pairs
+    )
+    result.append(search)
+    detection = named("detection", "reliability")
+    training = sections.data_section(data.filters, data.cards, named("border"), detection)
+    if training is not None:
+        result.append(training)
+    if data.calibrations:
+        calibrations = tuple(data.calibrations.values())
+        result.append(sections.calibration_section(calibrations, named("reliability")))
+    return result
 
 
 def _first(
     config: Config, data: ReportData, executed: Sequence[tuple[Fix, Both]], filmed: bool
 ) -> FirstScreen | None:
-    """The first fix, as films or as stills; words if there is none, and nothing if no versions are compared."""
+    """The first fix, as films or stills, or why there is none; None if no versions are compared."""
     if data.compared is None:
         return None
     if not executed:
@@ -188,154 +233,60 @@ def _first(
     scenario, space = config.scenarios[fix.before.scenario], config.space(fix.before.scenario)
     where = f"{scenario.label}: {scenario.description.partition('. ')[0].removesuffix('.')}."
     if not filmed:
-        return first_screen(
-            where, fix.before.concrete, space, stills=_stills(fix, episodes, threshold_s)
-        )
-    both = zip((fix.before, fix.after), episodes, strict=True)
-    return first_screen(
-        where,
-        fix.before.concrete,
-        space,
-        [drive(one.test_id, one.version, episode, threshold_s) for one, episode in both],
-    )
+        stills = _stills(fix, episodes, threshold_s)
+        return first_screen(where, fix.before.concrete, space, stills=stills)
+    films = []
+    for test, episode in zip((fix.before, fix.after), episodes, strict=True):
+        films.append(drive(test.test_id, test.version, episode, threshold_s))
+    return first_screen(where, fix.before.concrete, space, films)
 
 
 def _settings(config: Config) -> list[tuple[str, str]]:
     """The settings that decide what fails, as in params.yaml."""
-    judged = {
-        "campaign.failure_threshold_s": config.campaign.failure_threshold_s,
-        "campaign.match_iou": config.campaign.match_iou,
-    }
-    sections = {
+    judged = ("failure_threshold_s", "match_iou")
+    groups = {
+        "campaign": {name: getattr(config.campaign, name) for name in judged},
         "detector": config.detector,
         "simulator": config.simulator,
         "aeb": config.aeb.model_dump(),
         "vehicle": config.vehicle.model_dump(),
     }
-    flat = {
-        f"{name}.{key}": value
-        for name, section in sections.items()
-        for key, value in section.items()
-    }
-    return [
-        (key, value if isinstance(value, str) else json.dumps(value))
-        for key, value in (judged | flat).items()
-    ]
-
-
-def _detector(config: Config, data: ReportData, version: str) -> Detector:
-    """A version's detector, calibrated as in its tests."""
-    return make_detector(
-        as_tested(config.detector, data.calibrations.get(version)), data.detectors[version]
-    )
-
-
-def _changes(
-    compared: ComparedVersions | None, spaces: Mapping[str, Space]
-) -> tuple[list[Fix], list[Chosen]]:
-    """Tests whose outcome retraining changed: the fixes, and a regression with both versions."""
-    if compared is None:
-        return [], []
-    found = compared.comparison, compared.tests, spaces
-    return choose_fixes(*found, FIXES), choose_regression(*found)
-
-
-def _headline(data: ReportData) -> str:
-    if data.compared is not None:
-        return " ".join(
-            [
-                verdict_section.headline(data.compared.comparison),
-                *sections.largest_regions(data.regions),
-            ]
-        )
-    return sections.headline(data.regions, data.measures.base_rates)
-
-
-def _verdict(
-    data: ReportData,
-    drawings: Mapping[str, Drawing],
-    stills: Sequence[BeforeAfter],
-    films: Sequence[Film],
-) -> Section | None:
-    if data.compared is None:
-        return None
-    rounds = (
-        verdict_section.rounds_part(data.learnt, [drawings["rounds"]])
-        if "rounds" in drawings
-        else None
-    )
-    plots = _named(drawings, "comparison", "histogram")
-    return verdict_section.verdict_section(
-        data.compared.comparison, data.compared.named_changes, plots, rounds, stills, films
-    )
+    rows = []
+    for name, section in groups.items():
+        for key, value in section.items():
+            text = value if isinstance(value, str) else json.dumps(value)
+            rows.append((f"{name}.{key}", text))
+    return rows
 
 
 def _cards(
     data: ReportData, frames: KeptFrames, films: Mapping[str, Sequence[Film]], reported_from: float
 ) -> dict[str, tuple[Card, ...]]:
-    """The cards of each scenario. films: by region."""
+    """The cards of each scenario. films: by region. reported_from: lowest reported score."""
     tests = {regions.scenario: pictured(regions, frames) for regions in data.regions}
-    wanted = {test for chosen in tests.values() for some in chosen.values() for test in some}
+    wanted: set[str] = set()
+    for by_card in tests.values():
+        wanted.update(*by_card.values())
     rows = pd.concat(data.tests.values())
-    shown = Shown(
-        frames.moments(wanted), ends(rows[rows["test_id"].isin(wanted)]), films, reported_from
-    )
-    return {
-        regions.scenario: cards(regions, tests[regions.scenario], shown) for regions in data.regions
-    }
-
-
-def _regions(
-    data: ReportData, drawings: Mapping[str, Drawing], found: Mapping[str, Sequence[Card]]
-) -> Section:
-    plots = {name: drawings[f"failures_{name}"] for name in data.labels}
-    return sections.regions_section(data.regions, data.measures.base_rates, plots, found)
-
-
-def _search(data: ReportData, drawings: Mapping[str, Drawing]) -> Section:
-    plots = _named(drawings, "theta", *(f"kpi_{name}" for name in data.labels))
-    covered = _named(drawings, "coverage", *(f"pairs_{name}" for name in data.labels))
-    return sections.search_section(
-        data.measures, data.white_box, data.labels, plots, covered, data.pairs
-    )
-
-
-def _drawing(figure: Figure, name: str, data: ReportData) -> Drawing:
-    kind = name.partition("_")[0]
-    words = [texts.FIGURES[kind]]
-    if any(len(row.seeds) > 1 for row in data.measures.strategies):
-        words += filter(None, [texts.SEARCHES.get(kind)])
-    if data.compared is not None and data.compared.comparison.seeds > 1:
-        words += filter(None, [texts.TRAININGS.get(kind)])
-    return Drawing.of(figure, " ".join(words))
-
-
-def _named(drawings: Mapping[str, Drawing], *names: str) -> list[Drawing]:
-    """Those that there are."""
-    return [drawings[name] for name in names if name in drawings]
+    how_ended = ends(rows[rows["test_id"].isin(wanted)])
+    shown = Shown(frames.moments(wanted), how_ended, films, reported_from)
+    return {r.scenario: cards(r, tests[r.scenario], shown) for r in data.regions}
 
 
 def _stills(fix: Fix, episodes: Both, threshold_s: float) -> BeforeAfter:
     heading, _, _ = fix.before.heading.rpartition(" · ")
     values = (group.rpartition(" = ")[2] for group in fix.groups)
-    return before_after(
-        f"{heading}: {', '.join(values)}",
-        (fix.before.version, fix.after.version),
-        episodes,
-        threshold_s,
-    )
+    versions = (fix.before.version, fix.after.version)
+    return before_after(f"{heading}: {', '.join(values)}", versions, episodes, threshold_s)
 
 
 def _film(reruns: Reruns, test: Chosen, space: Space, threshold_s: float) -> Film:
+    """Execute a test again and film it."""
     episode = reruns.execute(test)
     replay = Replay(episode, test.heading, test.concrete, threshold_s, space.units)
     with tempfile.TemporaryDirectory() as folder:
-        video = Path(folder) / "replay.mp4"
-        render_replay(replay, video)
-        return Film(
-            test.test_id,
-            test.heading,
-            test.reason,
-            data_uri(video.read_bytes(), "video/mp4"),
-            jpeg_uri(draw_replay(replay)[most_telling_frame(episode)]),
-        )
+        path = Path(folder) / "replay.mp4"
+        render_replay(replay, path)
+        video = data_uri(path.read_bytes(), "video/mp4")
+    poster = jpeg_uri(draw_replay(replay)[most_telling_frame(episode)])
+    return Film(test.test_id, test.heading, test.reason, video, poster)

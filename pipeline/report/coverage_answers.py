@@ -1,4 +1,4 @@
-"""What `coverage score`, `propose`, `plan`, `verify` and `export` answer: as a mapping for --json, and as text.
+"""The answers of `coverage` to score, propose, plan, verify and export, for --json and as text.
 
 Each function takes the checked options of its verb (`commands.coverage`).
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.analysis.data_coverage import (
     LISTED,
-    Found,
+    Answer,
     cell_names,
     counted,
     details,
@@ -38,17 +38,25 @@ from pipeline.core.coverage.verification import verify as verify_rows
 from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 from pipeline.progress import Progress
-from pipeline.report.coverage_texts import cell_text, propose_text, row_text, score_text
-from pipeline.report.imperfect_rows import SHOWN, imperfect, imperfect_text
+from pipeline.report.coverage_texts import (
+    SHOWN,
+    cell_text,
+    imperfect,
+    imperfect_text,
+    propose_text,
+    row_text,
+    score_text,
+)
 
-# Solvers are imported where they are used: they take longer to import than a table of a hundred thousand points takes to count.
+# Solvers are imported where they are used: importing them takes longer than counting a table of a
+# hundred thousand points.
 if TYPE_CHECKING:
     from pipeline.core.coverage.proposals import Proposal, Proposer
 
 MOST_CELLS = 200_000_000
 
 
-def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
+def score(options: argparse.Namespace, progress: Progress) -> tuple[Answer, str]:
     """Coverage of a table of points."""
     space = _read_space(options, "k")
     demand = _demand(options, space)
@@ -60,33 +68,37 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     counts, raising = counted(
         table.counting(options.strict), demands, lambda rows: progress(0, 1, f"{rows:,} points")
     )
-    every = [list(planes(cells, one)) for cells, one in zip(counts, demands, strict=True)]
-    by_k = [_total(options.space, found) for found in every[len(pairs) : len(pairs) + options.k]]
+    every = [list(planes(cells, wanted)) for cells, wanted in zip(counts, demands, strict=True)]
+    by_k = []
+    for k, of_strength in enumerate(every[len(pairs) : len(pairs) + options.k], 1):
+        by_k.append({"k": k, **fraction(_total(options.space, of_strength))})
     coverage = _total(options.space, every[-1])
+    missing = coverage.covered < coverage.required
     progress(1, 1, f"{table.points:,} points")
-    found: Found = {
+    answer: Answer = {
         **fraction(coverage),
         "k": options.k,
         "operator": options.operator,
         **imperfect(table),
-        "by_k": [{"k": k, **fraction(value)} for k, value in enumerate(by_k, 1)],
+        "by_k": by_k,
         **of_extras(space, every[-1]),
         **details(space, every[-1]),
-        "next": next_points(space, raising.points, demands[-1])
-        if coverage.covered < coverage.required
-        else [],
+        "next": next_points(space, raising.points, demands[-1]) if missing else [],
     }
     if options.figures:
-        found["figures"] = [
-            str(path)
-            for path in _draw(
-                options, space, growth(raising, coverage), every[0] if pairs else None
-            )
-        ]
-    return found, "\n".join([*imperfect_text(found), score_text(found, space)])
+        from pipeline.report import coverage_plots as plots
+        from pipeline.report.style import save_png
+
+        figures = {"growth": plots.growth(growth(raising, coverage), options.k)}
+        if pairs:
+            figures["planes"] = plots.heat_maps(every[0], space)
+        answer["figures"] = [str(options.figures / f"{name}.png") for name in figures]
+        for name, figure in figures.items():
+            save_png(figure, options.figures / f"{name}.png")
+    return answer, "\n".join([*imperfect_text(answer), score_text(answer, space)])
 
 
-def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
+def propose(options: argparse.Namespace, progress: Progress) -> tuple[Answer, str]:
     """The next points that raise coverage most, or all that complete it."""
     from pipeline.core.coverage.proposals import Proposer
 
@@ -107,36 +119,34 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
     before = _total(options.space, planes_of(rows, demand))
     proposer = Proposer(demand, heavy_first=options.heavy_first, seed=options.seed)
     progress(0, 1, f"{before.covered} of {before.required} covered")
-    found, needed = _proposal(proposer, rows, options)
-    after = _total(options.space, planes_of(np.vstack([rows, found.categories]), demand))
+    proposal, needed = _proposal(proposer, rows, options)
+    points = proposal.categories
+    after = _total(options.space, planes_of(np.vstack([rows, points]), demand))
     progress(1, 1, f"{after.covered} of {after.required} covered")
     if options.output:
-        write_points(options.output, space, found.categories)
-    result: Found = {
-        "count": len(found.categories),
+        write_points(options.output, space, points)
+    answer: Answer = {
+        "count": len(points),
         "needed_at_least": needed,
         "k": options.k,
         "operator": options.operator,
-        "gain": found.gain,
-        "bound": found.bound,
-        "gap": found.bound - found.gain,
-        "optimal": len(found.categories) == needed if options.complete else found.optimal,
+        "gain": proposal.gain,
+        "bound": proposal.bound,
+        "gap": proposal.bound - proposal.gain,
+        "optimal": len(points) == needed if options.complete else proposal.optimal,
         "before": fraction(before),
         "after": fraction(after),
-        "points": space.names_of(found.categories),
+        "points": space.names_of(points),
         "existing": existing,
     }
-    text = propose_text(
-        result,
-        options.complete,
-        options.heavy_first,
-        (f"{options.k}-projection coverage{_with(space)}", before, after),
-    )
-    return result, "\n".join([*(imperfect_text(existing) if existing else []), text])
+    extras = " with named planes and combinations" if space.extras else ""
+    name = f"{options.k}-projection coverage{extras}"
+    text = propose_text(answer, options.complete, options.heavy_first, name, before, after)
+    return answer, "\n".join([*(imperfect_text(existing) if existing else []), text])
 
 
 def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> tuple[Proposal, int]:
-    """What the options ask for, no points if nothing is missing; and a bound of the points that complete the coverage."""
+    """The proposed points, none if nothing is missing, and a bound on a complete set of points."""
     from pipeline.core.coverage.proposals import Proposal
 
     if options.complete:
@@ -144,16 +154,16 @@ def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> tu
         added = completion.categories
         gain = int((proposer.missing(rows) - proposer.missing(np.vstack([rows, added]))).sum())
         return Proposal(added, gain, gain), completion.bound
-    found = (
+    proposal = (
         proposer.propose_exact(rows, options.count, options.seconds)
         if options.exact
         else proposer.propose(rows, options.count)
     )
-    return Proposal(rows[:0], 0, 0) if found is None else found, proposer.fewest(rows)
+    return proposal or Proposal(rows[:0], 0, 0), proposer.fewest(rows)
 
 
-def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
-    """A covering array: few points in which every combination of categories of any `strength` conditions occurs."""
+def plan(options: argparse.Namespace, progress: Progress) -> tuple[Answer, str]:
+    """A covering array: few points that cover all combinations of `strength` conditions."""
     from pipeline.core.coverage.certified import certified_array
 
     space = _read_space(options, "strength")
@@ -161,13 +171,13 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     started = time.monotonic()
     _announce_compilation()
 
-    def told(share: float, size: int, bound: int) -> None:
+    def report(share: float, size: int, bound: int) -> None:
         progress(min(999, int(1000 * share)), 1000, f"{size} points, at least {bound} needed")
 
     limit = options.seconds if options.cpu_seconds is None else options.cpu_seconds
     effort = Effort(
         (limit or None) if options.effort == "polish" else None,
-        told,
+        report,
         processor=options.cpu_seconds is not None,
     )
     array = certified_array(
@@ -180,7 +190,7 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     progress(1000, 1000, f"{array.size} points")
     if options.output:
         write_points(options.output, space, array.rows)
-    found: Found = {
+    answer: Answer = {
         "size": array.size,
         "lower_bound": array.lower_bound,
         "gap": array.size - array.lower_bound,
@@ -190,29 +200,25 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         "effort": options.effort,
         "seconds": round(time.monotonic() - started, 3),
     }
-    sure = (
-        "this is the smallest possible number"
-        if found["optimal"]
-        else f"no plan has fewer than {array.lower_bound}"
-    )
-    return (
-        found,
-        f"{array.size} points cover all {array.cells:,} feasible combinations of {_combined(space, options.strength)}; {sure}.",
-    )
+    certainty = f"no plan has fewer than {array.lower_bound}"
+    if answer["optimal"]:
+        certainty = "this is the smallest possible number"
+    combined = f"{array.cells:,} feasible combinations of {_combined(space, options.strength)}"
+    return answer, f"{array.size} points cover all {combined}; {certainty}."
 
 
-def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
-    """Check a plan by other means than those that made it."""
+def verify(options: argparse.Namespace, progress: Progress) -> tuple[Answer, str]:
+    """Check a plan independently of the code that makes plans."""
     space = _read_space(options, "strength")
     table = read_points(options.points, space)
     rows = table.complete()
     checked = verify_rows(rows, space.constraints, Mixed(options.strength, space.extras), progress)
-    broken = [
-        f"row {row + 1} breaks the constraint '{space.clause(clause)}': {row_text(space, rows[row])}"
-        for row, clause in checked.broken
-    ]
+    broken = []
+    for row, clause in checked.broken:
+        constraint = f"row {row + 1} breaks the constraint '{space.clause(clause)}'"
+        broken.append(f"{constraint}: {row_text(space, rows[row])}")
     missing = [cell_names(space, plane, cell) for plane, cell in checked.missing[:LISTED]]
-    found: Found = {
+    answer: Answer = {
         "valid": checked.valid,
         "size": checked.rows,
         "strength": options.strength,
@@ -223,67 +229,65 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
         "missing_cells": len(checked.missing),
         "missing": missing,
     }
+    cells = f"{checked.cells:,} feasible combinations"
     if checked.valid:
         combined = _combined(space, options.strength)
-        return (
-            found,
-            f"valid: {checked.rows} points cover all {checked.cells:,} feasible combinations of {combined}",
-        )
+        return answer, f"valid: {checked.rows} points cover all {cells} of {combined}"
     lines = [f"not valid: {line}" for line in broken[:SHOWN]]
     if missing:
-        lines.append(
-            f"not valid: {len(checked.missing):,} of {checked.cells:,} feasible combinations are missing, among them"
-        )
+        count = f"{len(checked.missing):,} of {cells}"
+        lines.append(f"not valid: {count} are missing, among them")
         lines += [f"  {cell_text(cell)}" for cell in missing[:SHOWN]]
-    return found, "\n".join(lines)
+    return answer, "\n".join(lines)
 
 
-def export(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
+def export(options: argparse.Namespace, progress: Progress) -> tuple[Answer, str]:
     """Write the space as another tool's model, or as a space file."""
     space, kind = read_space_of_any_format(options.space), format_of(options.output, options.format)
     left_out = write_model(options.output, space, kind)
     progress(1, 1, f"{len(space)} conditions")
-    found: Found = {
+    answer: Answer = {
         "format": kind,
         "conditions": len(space),
         "constraints": len(space.clauses),
         "left_out": left_out,
     }
-    lines = [
-        f"{options.output}: {len(space)} conditions, {len(space.clauses)} constraints",
-        *(f"left out: {what}" for what in left_out),
-    ]
-    return found, "\n".join(lines)
+    head = f"{options.output}: {len(space)} conditions, {len(space.clauses)} constraints"
+    return answer, "\n".join([head, *(f"left out: {part}" for part in left_out)])
 
 
 def _read_space(options: argparse.Namespace, option: str) -> Space:
     """The space of --space; InputError if --k or --strength does not fit it."""
     space, k = read_space_of_any_format(options.space), getattr(options, option)
     if not 1 <= k <= len(space):
-        raise InputError(
-            f"--{option} must be in [1, {len(space)}], the number of conditions; got {k}"
-        )
+        conditions = f"[1, {len(space)}], the number of conditions"
+        raise InputError(f"--{option} must be in {conditions}; got {k}")
     if options.verb == "plan" and k > STRONGEST:
         raise InputError(f"--strength must be in [1, {STRONGEST}], got {k}")
     by_strength = _cells(space.sizes, k)
-    if (cells := sum(by_strength) if options.verb == "score" else by_strength[-1]) > MOST_CELLS:
-        raise InputError(
-            f"--{option} = {k}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose a smaller one"
-        )
-    _check_extras(options.space, space)
+    cells = sum(by_strength) if options.verb == "score" else by_strength[-1]
+    _check_cells(f"--{option} = {k}", cells, "a smaller one")
+    for group in space.extras.planes:
+        cells = _cells([space.sizes[v] for v in group.variables], group.strength)[-1]
+        _check_cells(f"{options.space}: planes.{group.name}", cells, "fewer conditions")
+    for number, combination in enumerate(space.extras.combinations, start=1):
+        sizes = [space.sizes[v] for v in combination.variables]
+        cells = _cells(sizes, len(sizes))[-1]
+        _check_cells(f"{options.space}: combinations[{number}]", cells, "fewer conditions")
     return space
 
 
-def _demand(options: argparse.Namespace, space: Space) -> Demand:
-    """What --k and --operator ask for; InputError for weights that are too large for it."""
-    try:
-        return Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
-    except ValueError as error:
-        raise InputError(f"{options.space}: {error}") from error
+def _check_cells(key: str, cells: float, choice: str) -> None:
+    """InputError if there are too many cells. choice: the remedy, in words."""
+    if cells > MOST_CELLS:
+        raise InputError(
+            f"{key}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose "
+            f"{choice}"
+        )
 
 
 def _cells(sizes: Sequence[int], k: int) -> list[float]:
-    """How many cells the planes of 1 to k conditions have: the sums of the products of that many sizes."""
+    """Number of cells of all planes of 1 to k conditions: sums of products of k sizes."""
     cells = [1.0] + [0.0] * k
     for size in sizes:
         for strength in range(k, 0, -1):
@@ -291,39 +295,21 @@ def _cells(sizes: Sequence[int], k: int) -> list[float]:
     return cells[1:]
 
 
-def _check_extras(path: Path, space: Space) -> None:
-    """InputError if named planes or single combinations have too many cells."""
-    parts = [
-        (f"planes.{named.name}", named.variables, named.strength) for named in space.extras.planes
-    ]
-    single = space.extras.combinations
-    parts += [
-        (f"combinations[{i}]", one.variables, len(one.variables))
-        for i, one in enumerate(single, start=1)
-    ]
-    for key, variables, strength in parts:
-        if (cells := _cells([space.sizes[v] for v in variables], strength)[-1]) > MOST_CELLS:
-            raise InputError(
-                f"{path}: {key}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose fewer conditions"
-            )
+def _demand(options: argparse.Namespace, space: Space) -> Demand:
+    """The demand of --k and --operator; InputError if the weights are too large for it."""
+    try:
+        return Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
+    except ValueError as error:
+        raise InputError(f"{options.space}: {error}") from error
 
 
 def _combined(space: Space, strength: int) -> str:
-    """What a plan combines, in words."""
-    *parts, last = (
-        f"{strength} conditions",
-        *(f"{named.strength} of {named.name}" for named in space.extras.planes),
-    )
+    """The combinations that a plan covers, in words."""
+    groups = (f"{group.strength} of {group.name}" for group in space.extras.planes)
+    *parts, last = (f"{strength} conditions", *groups)
+    text = f"{', '.join(parts)} and {last}" if parts else last
     single = len(space.extras.combinations)
-    return (
-        (f"{', '.join(parts)} and " if parts else "")
-        + last
-        + (f", and {single} single ones" if single else "")
-    )
-
-
-def _with(space: Space) -> str:
-    return " with named planes and combinations" if space.extras else ""
+    return f"{text}, and {single} single ones" if single else text
 
 
 def _total(path: Path, every: Iterable[Plane]) -> Coverage:
@@ -333,25 +319,8 @@ def _total(path: Path, every: Iterable[Plane]) -> Coverage:
         raise InputError(f"{path}: {error}") from error
 
 
-def _draw(
-    options: argparse.Namespace,
-    space: Space,
-    shares: list[tuple[int, float]],
-    pairs: list[Plane] | None,
-) -> list[Path]:
-    from pipeline.report import coverage_plots as plots
-    from pipeline.report.style import save_png
-
-    paths = [options.figures / "growth.png"]
-    save_png(plots.growth(shares, options.k), paths[0])
-    if pairs is not None:
-        paths.append(options.figures / "planes.png")
-        save_png(plots.heat_maps(pairs, space), paths[1])
-    return paths
-
-
 def _announce_compilation() -> None:
-    """Say why the first call on a machine takes longer."""
+    """Explain on stderr why the first call on a machine takes longer."""
     from numba import config
 
     cached = Path(config.CACHE_DIR or Path(arrays.__file__).parent / "__pycache__")
@@ -363,6 +332,6 @@ def _announce_compilation() -> None:
         )
 
 
-VERBS: Mapping[str, Callable[[argparse.Namespace, Progress], tuple[Found, str]]] = {
+VERBS: Mapping[str, Callable[[argparse.Namespace, Progress], tuple[Answer, str]]] = {
     verb.__name__: verb for verb in (score, propose, plan, verify, export)
 }

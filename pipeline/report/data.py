@@ -1,4 +1,4 @@
-"""What a report shows: the artefacts of a study, read."""
+"""The contents of a report: the artefacts of a study."""
 
 from __future__ import annotations
 
@@ -34,7 +34,11 @@ class ComparedVersions:
 
     @classmethod
     def read(cls, comparison: Path, table: Path, changes: Path) -> ComparedVersions:
-        """From the three files; InputError that names the one that is truncated or of another kind."""
+        """From the three files.
+
+        Raises:
+            InputError: A file is truncated or of another kind; the message names it.
+        """
         return cls(read(comparison, Comparison), read_tests(table), read_changes(changes))
 
     @property
@@ -47,18 +51,30 @@ class ComparedVersions:
 
 @dataclass(frozen=True)
 class ReportData:
-    """Everything that a report shows; a section whose data are None or empty is left out.
+    """The contents of a report; a section without data is left out.
 
-    version: the one that was searched. known: search scenario -> the scenario and its space. rows: of all campaigns of the search. learnt:
-    rows of the campaigns that versions learn from, round by round. detectors: version -> ONNX file. frames: frames.parquet of the search.
-    filters: strategy -> its filter table. border: frames at the border of the filters. calibrations: of detectors that are only tested,
-    if the study calibrates them. files: path -> SHA-256 of all that the page is made from.
+    Attributes:
+        version: The searched version.
+        measures: Measures of all campaigns and strategies.
+        regions: Failure regions of each search scenario.
+        scenarios: Search scenario -> the scenario and its space.
+        rows: Rows of all campaigns of the search.
+        learnt: Rows of the campaigns that versions learn from, round by round.
+        detectors: Version -> ONNX file.
+        frames: frames.parquet of the search.
+        files: Path -> SHA-256 of each file that the page is made from.
+        white_box: Coverage of the detector's neurons.
+        compared: The comparison of versions.
+        filters: Strategy -> its filter table.
+        cards: Model cards of the versions.
+        border: Frames near the thresholds of the filter.
+        calibrations: Version -> its calibration, of detectors that are only tested.
     """
 
     version: str
     measures: Measures
     regions: tuple[FailureRegions, ...]
-    known: Mapping[str, tuple[ScenarioInfo, Space]]
+    scenarios: Mapping[str, tuple[ScenarioInfo, Space]]
     rows: pd.DataFrame
     learnt: pd.DataFrame
     detectors: Mapping[str, Path]
@@ -73,35 +89,35 @@ class ReportData:
 
     @property
     def reliability(self) -> Mapping[str, Mapping[str, Diagram]]:
-        """Reliability diagrams by version: of the study's own calibrations, else those on the cards."""
-        own = {version: found.reliability for version, found in self.calibrations.items()}
-        return own or {card.version: card.reliability for card in self.cards}
+        """Reliability diagrams by version: from the calibrations, or else from the cards."""
+        if self.calibrations:
+            return {version: fitted.reliability for version, fitted in self.calibrations.items()}
+        return {card.version: card.reliability for card in self.cards}
 
     @property
     def spaces(self) -> dict[str, Space]:
         """Scenario space by search scenario."""
-        return {name: space for name, (_, space) in self.known.items()}
+        return {name: space for name, (_, space) in self.scenarios.items()}
 
     @property
     def labels(self) -> dict[str, str]:
         """Label by search scenario."""
-        return {name: info.label for name, (info, _) in self.known.items()}
+        return {name: info.label for name, (info, _) in self.scenarios.items()}
 
     @cached_property
     def tests(self) -> dict[str, pd.DataFrame]:
         """Rows of all campaigns by search scenario."""
-        return {name: self.rows[self.rows["scenario"] == name] for name in self.known}
+        return {name: self.rows[self.rows["scenario"] == name] for name in self.scenarios}
 
     @cached_property
     def pairs(self) -> Mapping[str, tuple[PairShare, ...]]:
-        """What the valid tests of all strategies cover, by scenario."""
-        valid = {name: tests[is_valid(tests)] for name, tests in self.tests.items()}
-        return {
-            name: pair_shares(
-                self.spaces[name], encode_tests(rows, self.spaces[name]), rows["failure"].to_numpy()
-            )
-            for name, rows in valid.items()
-        }
+        """Pairs of categories that the valid tests of all strategies cover, by scenario."""
+        shares = {}
+        for name, tests in self.tests.items():
+            rows, space = tests[is_valid(tests)], self.spaces[name]
+            points, failed = encode_tests(rows, space), rows["failure"].to_numpy()
+            shares[name] = pair_shares(space, points, failed)
+        return shares
 
     @property
     def every_test(self) -> pd.DataFrame:
@@ -113,7 +129,6 @@ class ReportData:
     @property
     def every_label(self) -> dict[str, str]:
         """The labels of the scenarios of the search and of the comparison."""
-        return {
-            **self.labels,
-            **({} if self.compared is None else self.compared.comparison.scenarios),
-        }
+        if self.compared is None:
+            return self.labels
+        return {**self.labels, **self.compared.comparison.scenarios}

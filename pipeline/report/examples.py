@@ -24,7 +24,14 @@ ROLES = {
 
 @dataclass(frozen=True)
 class Chosen:
-    """One test to replay with one version. heading: first line on the film; reason: why it was chosen. region: that it represents."""
+    """One test to replay with one version.
+
+    Attributes:
+        heading: First line on the film.
+        reason: Why the test was chosen.
+        concrete: Variable -> value.
+        region: Region that the test represents.
+    """
 
     test_id: str
     scenario: str
@@ -37,81 +44,94 @@ class Chosen:
 
 @dataclass(frozen=True)
 class Fix:
-    """A test that `before` fails and `after` passes. groups: the named groups that it belongs to."""
+    """A test that `before` fails and `after` passes. groups: its named groups."""
 
     groups: tuple[str, ...]
     before: Chosen
     after: Chosen
 
 
-def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) -> list[Chosen]:
-    """At most `limit` representatives, scenarios in turn: the medoids of all regions, largest region first, then the other roles."""
+def choose_regions(scenarios: Sequence[FailureRegions], version: str, limit: int) -> list[Chosen]:
+    """At most `limit` representatives of failure regions, scenarios in turn.
+
+    The medoids of all regions come first, largest region first, then the other roles.
+    """
     queues = []
-    for regions in found:
-        ranked = [
-            (region, r)
-            for role in ROLES
-            for region in regions.regions
-            for r in region.representatives
-            if r.role == role
-        ]
-        queues.append(
-            [
-                Chosen(
-                    r.test_id,
-                    regions.scenario,
-                    version,
-                    f"{regions.label} · {r.strategy} · seed {r.seed} · {r.test_id.rsplit('-', 1)[1]}",
-                    f"The {ROLES[r.role]} of {region.name}.",
-                    r.concrete,
-                    region.name,
-                )
-                for region, r in ranked
-            ]
-        )
-    return [chosen for turn in zip_longest(*queues) for chosen in turn if chosen is not None][
-        :limit
-    ]
+    for regions in scenarios:
+        queue = []
+        for region in regions.regions:
+            for test in region.representatives:
+                number = test.test_id.rsplit("-", 1)[1]
+                heading = f"{regions.label} · {test.strategy} · seed {test.seed} · {number}"
+                reason = f"The {ROLES[test.role]} of {region.name}."
+                identity = (test.test_id, regions.scenario, version)
+                chosen = Chosen(*identity, heading, reason, test.concrete, region.name)
+                queue.append((test.role, chosen))
+        queue.sort(key=lambda entry: [*ROLES].index(entry[0]))
+        queues.append([chosen for _, chosen in queue])
+    turns = zip_longest(*queues)
+    return [chosen for turn in turns for chosen in turn if chosen is not None][:limit]
 
 
 def choose_regression(
     comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]
 ) -> list[Chosen]:
-    """A regression of one retrained version, with base and that version, in this order: the champion's, or that of the version with the
-    fewest failures that changes any outcome.
+    """A regression of one retrained version: the test with base, then with that version.
 
-    table: rows of comparison.parquet. Empty without a regression.
+    The version is the champion, or the one with the fewest failures that changes any outcome.
+
+    Args:
+        comparison: The compared versions.
+        table: Rows of comparison.parquet.
+        spaces: Scenario -> its space.
+
+    Returns:
+        Two tests; empty without a regression.
     """
     paired = next((pair for pair in _ranked(comparison) if pair.fixes or pair.regressions), None)
     if paired is None or not paired.regressions:
         return []
-    return _both(comparison, paired, (paired.regressions[0], "regression"), table, spaces)
+    return _both(comparison, paired, paired.regressions[0], "regression", table, spaces)
 
 
 def choose_fixes(
     comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space], limit: int
 ) -> list[Fix]:
-    """At most `limit` fixes of one retrained version: the champion, or the one with the fewest failures that has any. They cover as many
-    groups that the base set shows rarely as possible, then as many other named groups; the first in the sequence wins a tie."""
+    """At most `limit` fixes of one retrained version, from as many groups as possible.
+
+    The version is the champion, or the one with the fewest failures that has any fix. Groups that
+    the base set shows rarely count before other named groups; the first test in the sequence wins a
+    tie.
+
+    Args:
+        comparison: The compared versions.
+        table: Rows of comparison.parquet.
+        spaces: Scenario -> its space.
+        limit: Largest number of fixes.
+    """
     paired = next((pair for pair in _ranked(comparison) if pair.fixes), None)
     if paired is None:
         return []
     rare = {group.group for group in comparison.planted}
-    left = {test: _groups(test, table, spaces[test.scenario]) for test in paired.fixes}
+    left = {}
+    for test in paired.fixes:
+        space = spaces[test.scenario]
+        rows = table[(table["scenario"] == test.scenario) & (table["index"] == test.index)].head(1)
+        groups = named_groups(space, encode_tests(rows, space))
+        left[test] = {name for name, members in groups.items() if members[0]}
     shown: set[str] = set()
     chosen: list[Fix] = []
     while left and len(chosen) < limit:
         test = max(left, key=lambda test: (len(left[test] & rare - shown), len(left[test] - shown)))
-        groups = left.pop(test)
-        shown |= groups
-        chosen.append(
-            Fix(tuple(sorted(groups)), *_both(comparison, paired, (test, "fix"), table, spaces))
-        )
+        groups_of_test = left.pop(test)
+        shown |= groups_of_test
+        both = _both(comparison, paired, test, "fix", table, spaces)
+        chosen.append(Fix(tuple(sorted(groups_of_test)), *both))
     return chosen
 
 
 def _ranked(comparison: Comparison) -> list[VersionPair]:
-    """The retrained versions beside base: the champion first, then those with the fewest failures."""
+    """The retrained versions beside base: the champion first, then those with fewest failures."""
     ranked = sorted(
         comparison.versions,
         key=lambda result: (result.version != comparison.champion, result.failures),
@@ -119,38 +139,24 @@ def _ranked(comparison: Comparison) -> list[VersionPair]:
     return [result.paired for result in ranked if result.paired]
 
 
-def _groups(test: SequenceTest, table: pd.DataFrame, space: Space) -> set[str]:
-    rows = table[(table["scenario"] == test.scenario) & (table["index"] == test.index)].head(1)
-    return {
-        name
-        for name, members in named_groups(space, encode_tests(rows, space)).items()
-        if members[0]
-    }
-
-
 def _both(
     comparison: Comparison,
     paired: VersionPair,
-    changed: tuple[SequenceTest, str],
+    test: SequenceTest,
+    change: str,
     table: pd.DataFrame,
     spaces: Mapping[str, Space],
 ) -> list[Chosen]:
-    """A test with both versions. changed: the test, and which change it is."""
-    (test, change), scenario = changed, changed[0].scenario
-    rows = table[(table["scenario"] == scenario) & (table["index"] == test.index)].set_index(
-        "version"
-    )
+    """A test with both versions. change: `fix` or `regression`."""
+    scenario = test.scenario
+    same = table[(table["scenario"] == scenario) & (table["index"] == test.index)]
+    rows = same.set_index("version")
     heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {test.index:05d}"
     reason = f"A {change} of {paired.version} on a held-out test."
-    versions = (paired.against, paired.version)
-    return [
-        Chosen(
-            str(rows.loc[v, "test_id"]),
-            scenario,
-            v,
-            f"{heading} · {v}",
-            reason,
-            concrete(rows.loc[v], spaces[scenario]),
-        )
-        for v in versions
-    ]
+    both = []
+    for version in (paired.against, paired.version):
+        row = rows.loc[version]
+        identity = (str(row["test_id"]), scenario, version)
+        values = concrete(row, spaces[scenario])
+        both.append(Chosen(*identity, f"{heading} · {version}", reason, values))
+    return both

@@ -1,4 +1,4 @@
-"""Every test of a study as data for the report's table, which people sort, filter and brush in the browser."""
+"""Every test of a study as data for the report's table, which people sort, filter and brush."""
 
 from __future__ import annotations
 
@@ -27,14 +27,20 @@ THUMBNAILS = 300
 THUMBNAIL = (160, 96)
 """Width and height in pixels."""
 KPIS = ("adj_ttc_s", "impact_speed_mps", "first_detection_m", "missed_frames", "false_positives")
-"""Columns of tests.parquet that the table shows beside a test's identity, its end and its variables."""
+"""Columns of tests.parquet shown besides a test's identity, its end and its variables."""
 ISOLATED = "isolated"
 UNITS = {column.name: column.unit for column in TESTS}
 
 
 @dataclass(frozen=True)
 class Explorer:
-    """how: how to use it. data: columns, compressed and in base64. thumbnails: test -> data: address, as JSON."""
+    """The table of every test, packed for the page.
+
+    Attributes:
+        how: How to use it.
+        data: Columns, compressed, in base64.
+        thumbnails: Test -> data: address, as JSON.
+    """
 
     how: str
     data: str
@@ -48,39 +54,44 @@ def explorer(
     regions: Iterable[FailureRegions],
     frames: KeptFrames,
 ) -> Explorer:
-    """The rows of tests.parquet of several campaigns. labels, spaces: of their scenarios. frames: of campaigns with thumbnails."""
-    fields = list(_fields(tests.assign(scenario=tests["scenario"].map(labels)), spaces, regions))
-    content = {
-        "colours": {
-            **{MODE_NAMES[mode]: colour for mode, colour in MODE_COLOURS.items()},
-            "error": "#8f98a3",
-        },
-        "fields": fields,
-    }
-    packed = gzip.compress(
-        json.dumps(content, allow_nan=False, separators=(",", ":")).encode(), mtime=0
-    )
-    return Explorer(
-        texts.EXPLORER, base64.b64encode(packed).decode(), json.dumps(_thumbnails(tests, frames))
-    )
+    """Pack the tests of several campaigns.
+
+    Args:
+        tests: Rows of tests.parquet.
+        labels: Scenario -> its printed label.
+        spaces: Scenario -> its space.
+        regions: Failure regions of the scenarios.
+        frames: Kept frames of the campaigns with thumbnails.
+    """
+    colours = {MODE_NAMES[mode]: colour for mode, colour in MODE_COLOURS.items()}
+    labelled = tests.assign(scenario=tests["scenario"].map(labels))
+    fields = list(_fields(labelled, spaces, regions))
+    content = {"colours": {**colours, "error": "#8f98a3"}, "fields": fields}
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"))
+    packed = base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+    ranked = tests.sort_values("failure", ascending=False, kind="stable")["test_id"]
+    thumbnails = {}
+    for test, jpeg in frames.images(set(ranked[:THUMBNAILS])).items():
+        buffer = io.BytesIO()
+        small = Image.open(io.BytesIO(jpeg)).resize(THUMBNAIL, Image.Resampling.BOX)
+        small.save(buffer, "JPEG", quality=70)
+        thumbnails[test] = data_uri(buffer.getvalue(), "image/jpeg")
+    return Explorer(texts.EXPLORER, packed, json.dumps(thumbnails))
 
 
-def groups(found: FailureRegions) -> dict[str, tuple[str, ...]]:
-    """The failures of each region and those in none, by the name that the table has for them."""
-    return {region.name: region.members for region in found.regions} | {
-        f"{found.label} {ISOLATED}": found.isolated
-    }
+def groups(regions: FailureRegions) -> dict[str, tuple[str, ...]]:
+    """Name in the table -> tests: the failures of each region, then those in no region."""
+    members = {region.name: region.members for region in regions.regions}
+    return members | {f"{regions.label} {ISOLATED}": regions.isolated}
 
 
 def _fields(
     tests: pd.DataFrame, spaces: Mapping[str, Space], regions: Iterable[FailureRegions]
 ) -> Iterator[dict[str, Any]]:
-    region_of = {
-        test: name
-        for found in regions
-        for name, tests_of in groups(found).items()
-        for test in tests_of
-    }
+    region_of: dict[str, str] = {}
+    for of_scenario in regions:
+        for name, members in groups(of_scenario).items():
+            region_of |= dict.fromkeys(members, name)
     yield _text("test", tests["test_id"])
     for name in ("scenario", "strategy", "version"):
         yield _text(name, tests[name])
@@ -99,49 +110,35 @@ def _fields(
 
 
 def _of_variable(same: Sequence[Variable], values: pd.Series) -> Iterator[dict[str, Any]]:
-    """A variable, then the attributes of its categories. same: the variable in each space; held-out people differ from others."""
+    """A variable, then the attributes of its categories.
+
+    same: the variable in each space; held-out people differ from others.
+    """
     first = same[0]
     if first.kind != "categorical":
-        low, high = min(one.low for one in same), max(one.high for one in same)
-        yield {
-            **_number(first.name, values, first.unit),
-            "variable": True,
-            "low": low,
-            "high": high,
-        }
+        low = min(variable.low for variable in same)
+        high = max(variable.high for variable in same)
+        field = _number(first.name, values, first.unit)
+        yield {**field, "variable": True, "low": low, "high": high}
         return
     yield {**_text(first.name, values.fillna("")), "variable": True}
     attributes: dict[str, dict[str, float]] = {}
     for variable in same:
         for attribute, numbers in variable.attributes:
             attributes.setdefault(attribute, {}).update(zip(variable.values, numbers, strict=True))
-    for attribute, known in attributes.items():
-        yield _number(attribute, values.map(known))
+    for attribute, by_category in attributes.items():
+        yield _number(attribute, values.map(by_category))
 
 
 def _text(name: str, values: pd.Series) -> dict[str, Any]:
-    codes, known = pd.factorize(values)
-    return {"name": name, "known": [str(value) for value in known], "codes": codes.tolist()}
+    codes, categories = pd.factorize(values)
+    return {"name": name, "known": [str(value) for value in categories], "codes": codes.tolist()}
 
 
 def _number(name: str, values: pd.Series, unit: str = "") -> dict[str, Any]:
-    numbers = (None if pd.isna(value) else float(f"{value:.{DIGITS}g}") for value in values)
-    return {
-        "name": name,
-        "unit": unit,
-        "numbers": [int(n) if n is not None and n == int(n) else n for n in numbers],
-    }
-
-
-def _thumbnails(tests: pd.DataFrame, frames: KeptFrames) -> dict[str, str]:
-    """The decisive moment of the first tests, failures first."""
-    ranked = tests.sort_values("failure", ascending=False, kind="stable")["test_id"]
-    return {test: _small(image) for test, image in frames.images(set(ranked[:THUMBNAILS])).items()}
-
-
-def _small(jpeg: bytes) -> str:
-    buffer = io.BytesIO()
-    Image.open(io.BytesIO(jpeg)).resize(THUMBNAIL, Image.Resampling.BOX).save(
-        buffer, "JPEG", quality=70
-    )
-    return data_uri(buffer.getvalue(), "image/jpeg")
+    numbers: list[float | None] = []
+    for value in values:
+        number = None if pd.isna(value) else float(f"{value:.{DIGITS}g}")
+        whole = number is not None and number == int(number)
+        numbers.append(int(number) if whole and number is not None else number)
+    return {"name": name, "unit": unit, "numbers": numbers}

@@ -1,4 +1,4 @@
-"""Tables of failures by cause and of unnecessary braking, and the base failure rate in words: for the report and the terminal."""
+"""Failures by cause, unnecessary braking, base failure rates, for the report and the terminal."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BRAKING = (
 """Headers of `braking_cells`."""
 NONE = "–"
 MOST_RATES = 3
-"""Number of base failure rates that a sentence tells one by one."""
+"""Number of base failure rates that a sentence lists."""
 
 
 def cause_cells(causes: Causes) -> tuple[str, ...]:
@@ -38,45 +38,51 @@ def cause_cells(causes: Causes) -> tuple[str, ...]:
     return tuple(str(getattr(causes, cause)) for cause in CAUSES)
 
 
-def braking_cells(found: FalseActivations) -> tuple[str, ...]:
+def braking_cells(activations: FalseActivations) -> tuple[str, ...]:
     """Unnecessary braking, in the order of `BRAKING`; a mean of nothing is a dash."""
-    duration, loss = found.mean_duration_s, found.mean_speed_loss_mps
-    means = (
+    duration, loss = activations.mean_duration_s, activations.mean_speed_loss_mps
+    counts = activations.tests, activations.braking, activations.number
+    return (
+        *map(str, counts),
         NONE if duration is None else f"{duration:.2f} s",
         NONE if loss is None else f"{loss:.1f} m/s ({3.6 * loss:.0f} km/h)",
     )
-    return str(found.tests), str(found.braking), str(found.number), *means
 
 
 def braking_in_search(
     measures: Measures, labels: Mapping[str, str] | None = None
 ) -> list[tuple[str, ...]]:
-    """Rows of version, scenario, strategy and `braking_cells`, headers first; none if all scenarios ask to brake. labels: of scenarios."""
-    rows = [
-        (
-            row.version,
-            (labels or {}).get(row.scenario, row.scenario),
-            row.strategy,
-            *braking_cells(row.false_activations),
-        )
-        for row in measures.strategies
-        if row.scenario in measures.no_braking
-    ]
-    return [("version", "scenario", "strategy", *BRAKING), *rows] if rows else []
+    """Unnecessary braking in each campaign.
+
+    Args:
+        measures: Measures of all strategies.
+        labels: Scenario -> its printed label.
+
+    Returns:
+        Rows of version, scenario, strategy and `braking_cells`, headers first; empty if the right
+        answer is to brake in all scenarios.
+    """
+    rows: list[tuple[str, ...]] = [("version", "scenario", "strategy", *BRAKING)]
+    for row in measures.strategies:
+        if row.scenario in measures.no_braking:
+            label = (labels or {}).get(row.scenario, row.scenario)
+            rows.append((row.version, label, row.strategy, *braking_cells(row.false_activations)))
+    return rows if len(rows) > 1 else []
 
 
 def braking_held_out(comparison: Comparison) -> list[tuple[str, ...]]:
-    """Rows of version, scenario and `braking_cells`, headers first; none if all scenarios ask to brake."""
-    rows = [
-        (
-            result.version,
-            comparison.scenarios[name],
-            *braking_cells(result.scenarios[name].false_activations),
-        )
-        for result in comparison.versions
-        for name in comparison.no_braking
-    ]
-    return [("version", "scenario", *BRAKING), *rows] if rows else []
+    """Unnecessary braking of each version on held-out tests.
+
+    Returns:
+        Rows of version, scenario and `braking_cells`, headers first; empty if the right answer is
+        to brake in all scenarios.
+    """
+    rows: list[tuple[str, ...]] = [("version", "scenario", *BRAKING)]
+    for result in comparison.versions:
+        for name in comparison.no_braking:
+            cells = braking_cells(result.scenarios[name].false_activations)
+            rows.append((result.version, comparison.scenarios[name], *cells))
+    return rows if len(rows) > 1 else []
 
 
 def rate_text(rate: BaseRate) -> str:
@@ -85,15 +91,22 @@ def rate_text(rate: BaseRate) -> str:
 
 
 def base_rate_sentence(rates: Sequence[BaseRate], labels: Mapping[str, str] | None = None) -> str:
-    """The base failure rate of each search scenario, or of many the lowest and the highest; empty without rates. labels: of scenarios."""
+    """The base failure rate of each search scenario; of many, the lowest and the highest.
+
+    Args:
+        rates: Base failure rates, one a scenario; without any the sentence is empty.
+        labels: Scenario -> its printed label.
+    """
     if not rates:
         return ""
-    by_rate = sorted(rates, key=lambda rate: rate.rate.value)
-    told = rates if len(rates) <= MOST_RATES else (by_rate[0], by_rate[-1])
-    each = [
-        f"{(labels or {}).get(rate.scenario, rate.scenario)} {rate_text(rate)}" for rate in told
-    ]
-    text = (
-        ", ".join(each) if told is rates else f"from {' to '.join(each)}, in {len(rates)} scenarios"
-    )
+    listed = rates
+    if len(rates) > MOST_RATES:
+        by_rate = sorted(rates, key=lambda rate: rate.rate.value)
+        listed = (by_rate[0], by_rate[-1])
+    each = []
+    for rate in listed:
+        each.append(f"{(labels or {}).get(rate.scenario, rate.scenario)} {rate_text(rate)}")
+    text = ", ".join(each)
+    if listed is not rates:
+        text = f"from {' to '.join(each)}, in {len(rates)} scenarios"
     return f"Base failure rate ({rates[0].version}, {rates[0].strategy} tests): {text}."

@@ -1,4 +1,4 @@
-"""Films of a campaign's kept frames, one for each failure, in the layout of FiftyOne's `CSVDataset`: data/ and labels.csv."""
+"""Films of a campaign's kept frames, one a failure, in the layout of FiftyOne's `CSVDataset`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,23 @@ from pipeline.report.replays import write_mp4
 
 
 def write_films(frames: Path, out: Path, rate_hz: float) -> int:
-    """Write out/data/<test_id>.mp4 and out/labels.csv, with the tags of each test; returns the number of films.
+    """Write out/data/<test_id>.mp4 and out/labels.csv, with the tags of each test.
 
-    rate_hz: steps of the camera per second. Frames without tests.parquet beside them have no known failure, so no film. Removes the films
-    of an earlier export in `out`.
+    Removes the films of an earlier export in `out`. Without tests.parquet beside the frames no test
+    counts as a failure, so there are no films.
+
+    Args:
+        frames: frames.parquet of a campaign.
+        out: Folder to write.
+        rate_hz: Steps of the camera per second.
+
+    Returns:
+        The number of films.
     """
-    tags = {
-        test: found
-        for test, found in tags_of_tests(frames).items()
-        if found["outcome"] == "failure"
-    }
+    tags = {}
+    for test, tags_of_test in tags_of_tests(frames).items():
+        if tags_of_test["outcome"] == "failure":
+            tags[test] = tags_of_test
     table = read_frames(frames).sort_values(["test_id", "step"], kind="stable")
     remove(out / "data")
     (out / "data").mkdir(parents=True)
@@ -34,13 +41,10 @@ def write_films(frames: Path, out: Path, rate_hz: float) -> int:
         images = [decode_jpeg(image) for image in kept["image"]]
         height, width = (side // 2 * 2 for side in images[0].shape[:2])
         every = kept["step"].diff().median() if len(kept) > 1 else 1
-        write_mp4(
-            [image[:height, :width] for image in images], path, max(1, round(rate_hz / every))
-        )
+        even = [image[:height, :width] for image in images]
+        write_mp4(even, path, max(1, round(rate_hz / every)))
         rows.append({"filepath": path.name, "test_id": test, **tags[str(test)]})
     labels = pd.DataFrame(rows, columns=None if rows else ["filepath", "test_id"])
-    write_bytes(
-        out / "labels.csv",
-        labels.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode(),
-    )
+    text = labels.to_csv(index=False, lineterminator="\n", float_format="%.6g")
+    write_bytes(out / "labels.csv", text.encode())
     return len(rows)

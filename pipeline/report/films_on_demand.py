@@ -1,4 +1,4 @@
-"""Films of a study's tests, made when somebody asks for one and kept in data/<study>/films."""
+"""Films of a study's tests, made on request and kept in data/<study>/films."""
 
 from __future__ import annotations
 
@@ -16,36 +16,51 @@ from pipeline.artefacts.recorded_tests import campaigns, recorded
 from pipeline.errors import InputError, one_line
 
 ASKED_AGAIN_S = 0.5
-"""A request that waits for its turn asks this often whether somebody still wants its film."""
+"""A waiting request checks this often whether its client is still connected."""
 START_S = 120
-"""Longest time that the process takes for everything but the test."""
+"""Longest time of the process without the test itself."""
 
 
 @dataclass(frozen=True)
 class MadeFilm:
-    """An H.264 film. changed: how the test now ends, if it ends otherwise than its row says; such a film is not kept."""
+    """An H.264 film.
+
+    Attributes:
+        video: Content of the file.
+        changed: How the test ends now, if that differs from its row; such a film is not kept.
+    """
 
     video: bytes
     changed: str = ""
 
 
 class FilmsOnDemand:
-    """Makes one film at a time, each in a process of its own. params: the study's configuration."""
+    """Makes one film at a time, each in a separate process."""
 
     def __init__(self, folders: Folders, params: Path) -> None:
+        """folders: of the study. params: its configuration."""
         self._folders, self._params = folders, params
         self._turn = Lock()
 
     def film(self, test: str, wanted: Callable[[], bool]) -> MadeFilm | None:
-        """The film of a test, or None if nobody wants it any more before its turn comes.
+        """The film of a test.
 
-        InputError for a test that the study does not have, that ended in an error, or that cannot be executed here.
+        Args:
+            test: Id of the test.
+            wanted: Whether the client is still connected.
+
+        Returns:
+            The film; None if the client left before its turn came.
+
+        Raises:
+            InputError: The study has no such test, or it ended in an error, or it cannot be
+                executed here.
         """
         kept = self._kept(test)
         while not kept.is_file():
             if self._turn.acquire(timeout=ASKED_AGAIN_S):
                 try:
-                    return self._read_or_made(test, kept)
+                    return self._make(test, kept)
                 finally:
                     self._turn.release()
             if not wanted():
@@ -53,21 +68,16 @@ class FilmsOnDemand:
         return MadeFilm(kept.read_bytes())
 
     def _kept(self, test: str) -> Path:
-        """Where a film is kept: its name holds the digest of all that it depends on."""
+        """Path of a film; its name contains the digest of everything it depends on."""
         version = str(recorded(self._folders, test)["version"])
         table = campaigns(self._folders)[test.rpartition("-")[0]]
-        files = [
-            table,
-            self._params,
-            Path(self._folders.detector(version)),
-            *map(Path, self._folders.calibrations([version])),
-        ]
-        digest = hashlib.sha256(
-            "".join([program_sha256(), *map(sha256, files)]).encode()
-        ).hexdigest()
+        calibrations = map(Path, self._folders.calibrations([version]))
+        files = [table, self._params, Path(self._folders.detector(version)), *calibrations]
+        digests = "".join([program_sha256(), *map(sha256, files)])
+        digest = hashlib.sha256(digests.encode()).hexdigest()
         return Path(self._folders.root, "films", f"{test}.{digest[:16]}.mp4")
 
-    def _read_or_made(self, test: str, kept: Path) -> MadeFilm:
+    def _make(self, test: str, kept: Path) -> MadeFilm:
         if kept.is_file():  # Another request made it in the meantime.
             return MadeFilm(kept.read_bytes())
         new = kept.with_name(f"new-{test}.mp4")
@@ -83,18 +93,9 @@ class FilmsOnDemand:
         return MadeFilm(kept.read_bytes())
 
     def _replay(self, test: str, new: Path) -> str:
-        """Make a film; returns how the test ends if that is not as recorded."""
-        command = [
-            sys.executable,
-            "-m",
-            "pipeline",
-            "replay",
-            test,
-            "--params",
-            str(self._params),
-            "--out",
-            str(new),
-        ]
+        """Make a film; returns how the test ends if that differs from the record."""
+        command = [sys.executable, "-m", "pipeline", "replay", test]
+        command += ["--params", str(self._params), "--out", str(new)]
         longest_s = START_S + self._folders.config.limits.test_s
         try:
             done = subprocess.run(
@@ -108,7 +109,6 @@ class FilmsOnDemand:
         except subprocess.TimeoutExpired as error:
             raise InputError(f"{test}: no film after {longest_s:g} s") from error
         if not new.is_file():
-            raise InputError(
-                one_line((done.stderr.splitlines() or [f"{test}: the film was not made"])[-1])
-            )
+            lines = done.stderr.splitlines() or [f"{test}: the film was not made"]
+            raise InputError(one_line(lines[-1]))
         return one_line(done.stdout.removeprefix(f"{new}: ")) if done.returncode else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.artefacts.region_results import Fresh
 from pipeline.artefacts.results import Estimate
 
 
@@ -13,13 +14,21 @@ def share(value: float) -> str:
 
 
 def percent(estimate: Estimate) -> str:
-    """`12.5 % (8.0 to 18.9)`."""
+    """`12.5 % (8.0 to 18.9)`; without a spread `12.5 %`."""
     value = share(estimate.value)
-    return (
-        value
-        if estimate.low == estimate.high
-        else f"{value} ({100 * estimate.low:.1f} to {100 * estimate.high:.1f})"
-    )
+    if estimate.low == estimate.high:
+        return value
+    return f"{value} ({100 * estimate.low:.1f} to {100 * estimate.high:.1f})"
+
+
+def fresh_counts(fresh: Fresh) -> str:
+    """Failures among the fresh tests that judge a region.
+
+    Example: `3 / 20 = 15.0 % (3.2 to 37.9); errors: 1`.
+    """
+    rate = f" = {percent(fresh.rate)}" if fresh.rate else ""
+    errors = f"; errors: {fresh.errors}" if fresh.errors else ""
+    return f"{fresh.failures} / {fresh.tests}{rate}{errors}"
 
 
 def mean_text(value: float) -> str:
@@ -28,17 +37,15 @@ def mean_text(value: float) -> str:
 
 
 def counted(estimate: Estimate) -> str:
-    """`76.3 (70–82)`."""
+    """`76.3 (70–82)`; without a spread `76.3`."""
     value = mean_text(estimate.value)
-    return (
-        value
-        if estimate.low == estimate.high
-        else f"{value} ({estimate.low:.0f}–{estimate.high:.0f})"
-    )
+    if estimate.low == estimate.high:
+        return value
+    return f"{value} ({estimate.low:.0f}–{estimate.high:.0f})"
 
 
 def signed(mean: Estimate) -> str:
-    """`-15.0 (-18.0 to -12.0)`; `-15.0` without a spread: one seed, or several that differ equally."""
+    """`-15.0 (-18.0 to -12.0)`; without a spread `-15.0`."""
     return f"{mean.value:+.1f}{interval(mean)}"
 
 
@@ -48,13 +55,21 @@ def interval(mean: Estimate) -> str:
 
 
 def censored(estimate: Estimate, count: int, seeds: int, form: str, beyond: str) -> str:
-    """A mean over seeds, of which `count` are censored: `37 (20 to 54), 1 of 3 censored`, and `> 80, 3 of 3 censored`.
+    """A mean over seeds, some of them censored.
 
-    form: of one number. beyond: the sign of a bound.
+    Args:
+        estimate: The mean with its interval.
+        count: Number of censored seeds.
+        seeds: Number of all seeds.
+        form: Format of a number, such as `{:.0f}`.
+        beyond: Sign of a bound, `<` or `>`.
+
+    Returns:
+        For example `37 (20 to 54), 1 of 3 censored` or `> 80, 3 of 3 censored`.
     """
-    text = (
-        f"{beyond} {form.format(estimate.value)}" if count == seeds else form.format(estimate.value)
-    )
+    text = form.format(estimate.value)
+    if count == seeds:
+        text = f"{beyond} {text}"
     if estimate.low != estimate.high:
         text += f" ({form.format(estimate.low)} to {form.format(estimate.high)})"
     return f"{text}, {count} of {seeds} censored" if count else text
@@ -66,12 +81,13 @@ def decimal(value: float | None) -> str:
 
 
 def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines with aligned cells."""
+    """Lines with aligned cells, two spaces between columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+    lines = []
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        lines.append("  ".join(cells).rstrip())
+    return lines
 
 
 def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

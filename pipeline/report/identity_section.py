@@ -1,8 +1,8 @@
-"""The report's last section before the table: which tests, seeds and files it was made from, and what it does not show."""
+"""The report's section on its limits, and on the tests, seeds and files that it is made from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
@@ -19,48 +19,36 @@ def identity_section(
     files: Mapping[str, str],
     settings: Sequence[tuple[str, str]],
 ) -> Section:
-    """What the page stands on. tests: every row that it shows. labels: of scenarios. files: path -> SHA-256. settings: names and values."""
-    headers = ("scenario", "strategy", "version", "seeds", "tests", "errors")
+    """The sources of the page.
+
+    Args:
+        tests: Every row that the page shows.
+        labels: Scenario -> its printed label.
+        cards: Model cards of the versions.
+        files: Path -> SHA-256.
+        settings: Names and values.
+    """
+    campaigns = ["scenario", "strategy", "version"]
+    rows = []
+    for (scenario, strategy, version), group in tests.groupby(campaigns, sort=False):
+        seeds = ", ".join(map(str, sorted(group["seed"].unique())))
+        counts = str(len(group)), str(int((~is_valid(group)).sum()))
+        rows.append((labels.get(scenario, scenario), strategy, version, seeds, *counts))
+    table = Table((*campaigns, "seeds", "tests", "errors"), tuple(rows), numbers=(3, 4, 5))
     parts = [
         Passage("What it does not show", notes=texts.NOT_SHOWN),
-        Passage(
-            "Tests and seeds",
-            texts.SEEDS,
-            Table(headers, tuple(_campaigns(tests, labels)), numbers=(3, 4, 5)),
-        ),
+        Passage("Tests and seeds", texts.SEEDS, table),
         Passage("Settings", table=Table(("setting", "value"), tuple(settings), codes=(1,))),
-        *([Passage("Model versions", table=_versions(cards))] if cards else []),
-        Passage(
-            table=Table(("file", "SHA-256"), tuple(files.items()), codes=(0, 1)),
-            folded=f"Files that this page was made from ({len(files)})",
-        ),
     ]
+    if cards:
+        versions = []
+        for card in cards:
+            parent = card.parent or "none"
+            versions.append((card.version, parent, str(card.seed), card.weights_sha256))
+        headers = ("version", "parent", "seed of its training", "SHA-256 of its weights")
+        table = Table(headers, tuple(versions), numbers=(2,), codes=(3,))
+        parts.append(Passage("Model versions", table=table))
+    hashes = Table(("file", "SHA-256"), tuple(files.items()), codes=(0, 1))
+    folded = f"Files that this page was made from ({len(files)})"
+    parts.append(Passage(table=hashes, folded=folded))
     return Section("Limits, seeds and hashes", (), tuple(parts))
-
-
-def _campaigns(tests: pd.DataFrame, labels: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
-    """A row for each scenario, strategy and version."""
-    for (scenario, strategy, version), rows in tests.groupby(
-        ["scenario", "strategy", "version"], sort=False
-    ):
-        seeds = ", ".join(map(str, sorted(rows["seed"].unique())))
-        yield (
-            labels.get(scenario, scenario),
-            strategy,
-            version,
-            seeds,
-            str(len(rows)),
-            str(int((~is_valid(rows)).sum())),
-        )
-
-
-def _versions(cards: Sequence[ModelCard]) -> Table:
-    rows = tuple(
-        (card.version, card.parent or "none", str(card.seed), card.weights_sha256) for card in cards
-    )
-    return Table(
-        ("version", "parent", "seed of its training", "SHA-256 of its weights"),
-        rows,
-        numbers=(2,),
-        codes=(3,),
-    )

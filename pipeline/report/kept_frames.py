@@ -1,4 +1,4 @@
-"""The decisive moment of a test as its campaign recorded it: a kept frame and the detections in it."""
+"""The decisive moment of a test as its campaign recorded it: a kept frame and its detections."""
 
 from __future__ import annotations
 
@@ -19,8 +19,14 @@ COLUMNS = ("test_id", "step", "visible_pixels", *(f"visible_{side}" for side in 
 
 @dataclass(frozen=True)
 class Moment:
-    """One kept frame. image: JPEG. size: its width and height in pixels. truth: box around the visible part of the pedestrian, in pixels;
-    None if nothing of it is visible. detections: every stored box with its score, best first."""
+    """One kept frame.
+
+    Attributes:
+        image: JPEG.
+        size: Width and height of the image in pixels.
+        truth: Box around the visible part of the pedestrian, in pixels; None if it is hidden.
+        detections: Every stored box with its score, best first.
+    """
 
     image: bytes
     size: tuple[int, int]
@@ -29,9 +35,10 @@ class Moment:
 
 
 class KeptFrames:
-    """The kept frames of campaigns. tables: frames.parquet of each, with detections.parquet beside it."""
+    """The kept frames of campaigns."""
 
     def __init__(self, tables: Sequence[Path]) -> None:
+        """tables: frames.parquet of each campaign, with detections.parquet beside it."""
         self._tables: Mapping[Path, pd.DataFrame] = {
             path: read_frames(path, COLUMNS) for path in tables
         }
@@ -39,62 +46,55 @@ class KeptFrames:
     @property
     def tests(self) -> frozenset[str]:
         """The tests with a kept frame."""
-        return frozenset(
-            str(test) for rows in self._tables.values() for test in rows["test_id"].unique()
-        )
+        tests: set[str] = set()
+        for rows in self._tables.values():
+            tests.update(map(str, rows["test_id"].unique()))
+        return frozenset(tests)
 
     def images(self, wanted: Collection[str]) -> dict[str, bytes]:
         """The decisive moment of each wanted test that has a kept frame, as JPEG."""
-        return {
-            test: image
-            for _, rows, images in self._chosen(wanted)
-            for test, image in zip(rows["test_id"], images, strict=True)
-        }
+        result: dict[str, bytes] = {}
+        for _, rows, images in self._chosen(wanted):
+            result |= zip(rows["test_id"], images, strict=True)
+        return result
 
     def moments(self, wanted: Collection[str]) -> dict[str, Moment]:
-        """The same with the boxes in it."""
-        return dict(moment for found in self._chosen(wanted) for moment in _with_boxes(*found))
+        """The decisive moment of each wanted test that has a kept frame, with its boxes."""
+        result = {}
+        for path, rows, images in self._chosen(wanted):
+            stored = read_detections(path.with_name("detections.parquet"))
+            stored = stored[stored["test_id"].isin(rows["test_id"])]
+            stored = stored.set_index(["test_id", "step"]).sort_index()
+            for (_, row), image in zip(rows.iterrows(), images, strict=True):
+                key = (row["test_id"], row["step"])
+                of_frame = stored.loc[[key]] if key in stored.index else stored.iloc[:0]
+                detections: list[tuple[Box, float]] = []
+                for *box, score in of_frame[[*SIDES, "score"]].to_numpy(float).tolist():
+                    left, top, right, bottom = box
+                    detections.append(((left, top, right, bottom), score))
+                detections.sort(key=lambda detection: -detection[1])
+                size, truth = Image.open(io.BytesIO(image)).size, frame_box(row, "visible")
+                result[str(row["test_id"])] = Moment(image, size, truth, tuple(detections))
+        return result
 
     def _chosen(self, wanted: Collection[str]) -> Iterator[tuple[Path, pd.DataFrame, list[bytes]]]:
-        """For each table with wanted tests: its path, the row of each test's moment, and the images."""
+        """Path, rows of the tests' moments and images, for each table with wanted tests."""
         for path, every in self._tables.items():
-            chosen = [
-                own.index[most_telling(own["visible_pixels"] > 0)]
-                for _, own in every[every["test_id"].isin(wanted)].groupby("test_id", sort=False)
-            ]
+            tests = every[every["test_id"].isin(wanted)].groupby("test_id", sort=False)
+            chosen = [rows.index[most_telling(rows["visible_pixels"] > 0)] for _, rows in tests]
             if chosen:
-                yield (
-                    path,
-                    every.loc[chosen],
-                    read_frames(path, ["image"])["image"].loc[chosen].tolist(),
-                )
+                images = read_frames(path, ["image"])["image"].loc[chosen].tolist()
+                yield path, every.loc[chosen], images
 
 
 def most_telling(visible: Iterable[bool]) -> int:
-    """Which frame is a test's decisive moment: three quarters through those that show the pedestrian; the first if none does.
+    """Index of a test's decisive frame.
 
-    visible: whether each frame shows the pedestrian.
+    It lies three quarters through the frames that show the pedestrian; if none does, it is the
+    first.
+
+    Args:
+        visible: Whether each frame shows the pedestrian.
     """
-    shown = [index for index, one in enumerate(visible) if one]
+    shown = [index for index, in_sight in enumerate(visible) if in_sight]
     return shown[max(0, len(shown) * 3 // 4 - 1)] if shown else 0
-
-
-def _with_boxes(
-    path: Path, rows: pd.DataFrame, images: Sequence[bytes]
-) -> Iterator[tuple[str, Moment]]:
-    stored = read_detections(path.with_name("detections.parquet"))
-    stored = (
-        stored[stored["test_id"].isin(rows["test_id"])].set_index(["test_id", "step"]).sort_index()
-    )
-    for (_, row), image in zip(rows.iterrows(), images, strict=True):
-        key, truth = (row["test_id"], row["step"]), frame_box(row, "visible")
-        own = stored.loc[[key]] if key in stored.index else stored.iloc[:0]
-        boxes = [
-            ((left, top, right, bottom), score)
-            for left, top, right, bottom, score in own[[*SIDES, "score"]].to_numpy(float).tolist()
-        ]
-        ranked = sorted(boxes, key=lambda found: -found[1])
-        yield (
-            str(row["test_id"]),
-            Moment(image, Image.open(io.BytesIO(image)).size, truth, tuple(ranked)),
-        )

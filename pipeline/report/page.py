@@ -1,4 +1,7 @@
-"""The report as one HTML page that loads nothing from elsewhere: figures are inline SVG, films are data: addresses, scripts are inline."""
+"""The report as one HTML page that loads nothing from elsewhere.
+
+Figures are inline SVG, films are data: addresses, scripts are inline.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,12 @@ ASSETS = Path(__file__).parent / "assets"
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as text. numbers: columns that must not wrap; codes: columns in a monospaced font."""
+    """Cells as text.
+
+    Attributes:
+        numbers: Indices of columns that must not wrap.
+        codes: Indices of columns in a monospaced font.
+    """
 
     headers: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -36,7 +44,7 @@ class Drawing:
 
     @staticmethod
     def of(figure: Figure, how: str) -> Drawing:
-        """The figure, which a screen reader announces by how to read it."""
+        """A figure; a screen reader announces it by `how`."""
         return Drawing(svg(figure, how), how)
 
 
@@ -70,7 +78,13 @@ class BeforeAfter:
 
 @dataclass(frozen=True)
 class FirstScreen:
-    """One fix beside the headline. title: the person and the place. films: of both versions; stills: instead of films."""
+    """One fix beside the headline.
+
+    Attributes:
+        title: The person and the place.
+        films: Of both versions.
+        stills: Instead of films.
+    """
 
     title: str
     text: str = ""
@@ -90,7 +104,12 @@ class Bar:
 
 @dataclass(frozen=True)
 class Box:
-    """A box on a picture, in its pixels. kind: `truth`, `reported` or `unreported`. label: its score."""
+    """A box on a picture, in its pixels.
+
+    Attributes:
+        kind: `truth`, `reported` or `unreported`.
+        label: Its score.
+    """
 
     left: float
     top: float
@@ -102,7 +121,13 @@ class Box:
 
 @dataclass(frozen=True)
 class Picture:
-    """A frame of a test. image: as a data: address. size: width and height in pixels. words: what is to be seen."""
+    """A frame of a test.
+
+    Attributes:
+        image: A data: address.
+        size: Width and height in pixels.
+        words: Description of the frame.
+    """
 
     test_id: str
     image: str
@@ -113,8 +138,18 @@ class Picture:
 
 @dataclass(frozen=True)
 class Card:
-    """A group of failures. name: as the table of every test has it. tag: beside the name. text: a sentence. facts: names and values.
-    members: number of its failures. fewer: why it has few pictures. bars: what repairs it. test: one to execute again."""
+    """A group of failures.
+
+    Attributes:
+        name: Its name in the table of every test.
+        tag: Shown beside the name.
+        text: A sentence about the group.
+        members: Number of failures.
+        facts: Names and values.
+        fewer: Why it has few pictures.
+        bars: Failures that pass with one change.
+        test: A test to execute again.
+    """
 
     name: str
     tag: str
@@ -131,7 +166,12 @@ class Card:
 
 @dataclass(frozen=True)
 class Passage:
-    """A titled part of a section; empty fields are left out. notes: a list below the table. folded: the label that opens the table."""
+    """A titled part of a section; empty fields are left out.
+
+    Attributes:
+        notes: A list below the table.
+        folded: The label that opens the table.
+    """
 
     title: str = ""
     text: str = ""
@@ -155,8 +195,13 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """The whole page. headline: the result in one or two sentences. explorer: every test, if the page shows them. first: below the
-    headline."""
+    """The whole page.
+
+    Attributes:
+        headline: The result in one or two sentences.
+        explorer: Every test, if the page shows them.
+        first: Shown below the headline.
+    """
 
     study: str
     headline: str
@@ -168,29 +213,25 @@ class Page:
 
 def render(page: Page) -> str:
     """The page as HTML; texts and cells are escaped."""
-    loader = FileSystemLoader(Path(__file__).parent)
     environment = Environment(
-        loader=loader,
+        loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         finalize=_unbroken,
     )
-    return environment.get_template("page.html.jinja").render(
-        page=page, asset=_asset, first_how=texts.FIRST
-    )
+    template = environment.get_template("page.html.jinja")
+    return template.render(page=page, asset=_asset, first_how=texts.FIRST)
 
 
 def _unbroken(value: Any) -> Any:
     """The text with no-break spaces before per cent signs, so that no line begins with one."""
-    return (
-        value.replace(" %", "\u00a0%")
-        if isinstance(value, str) and not isinstance(value, Markup)
-        else value
-    )
+    if isinstance(value, str) and not isinstance(value, Markup):
+        return value.replace(" %", "\u00a0%")
+    return value
 
 
 def _asset(name: str) -> Markup:
-    """A script or style of ours; the page's own data never pass here."""
+    """A script or style of this package; the page's data never pass here."""
     return Markup((ASSETS / name).read_text())

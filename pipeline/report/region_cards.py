@@ -1,4 +1,4 @@
-"""A card for each failure region: its sentence, rule, numbers, pictures, repairs and films. Every number comes from the artefact."""
+"""A card for each failure region: sentence, rule, numbers, pictures, repairs and films."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from math import floor
 import pandas as pd
 
 from pipeline.artefacts.dataset import decode_jpeg
-from pipeline.artefacts.region_results import Confirmation, FailureRegion, FailureRegions, Repair
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Why
 from pipeline.report.explorer import groups
 from pipeline.report.failure_tables import CAUSES, MIXED, NONE
-from pipeline.report.formats import percent, share
-from pipeline.report.fresh_counts import fresh_counts
+from pipeline.report.formats import fresh_counts, percent, share
 from pipeline.report.kept_frames import KeptFrames, Moment
 from pipeline.report.page import Bar, Box, Card, Film, Picture
 from pipeline.report.replays import jpeg_uri
@@ -28,169 +27,162 @@ NOT_EXECUTED = "not executed"
 
 @dataclass(frozen=True)
 class Shown:
-    """What cards show beside the artefact. moments, ends: of tests, the latter in words. films: by region. reported_from: the lowest score
-    that the detector reports."""
+    """What cards show besides the failure regions.
+
+    Attributes:
+        moments: Test -> its decisive moment.
+        ends: Test -> how it ended, in words.
+        films: Region -> films of its failures.
+        reported_from: Lowest score that the detector reports, in [0, 1].
+    """
 
     moments: Mapping[str, Moment]
     ends: Mapping[str, str]
     films: Mapping[str, Sequence[Film]]
     reported_from: float
 
+    def picture(self, test: str) -> Picture:
+        """The decisive frame, compressed more strongly than the campaign kept it."""
+        moment = self.moments[test]
+        boxes = [Box(*moment.truth, kind="truth")] if moment.truth else []
+        for box, score in reversed(moment.detections[:BOXES]):  # The best one on top.
+            kind = "reported" if score >= self.reported_from else "unreported"
+            boxes.append(Box(*box, kind=kind, label=_score(score)))
+        reported = sum(score >= self.reported_from for _, score in moment.detections)
+        sight = "in sight" if moment.truth else "hidden"
+        best = f", best score {_score(moment.detections[0][1])}" if moment.detections else ""
+        words = f"Pedestrian {sight}; reported detections: {reported}{best}."
+        image = jpeg_uri(decode_jpeg(moment.image))
+        return Picture(test, image, moment.size, tuple(boxes), f"{self.ends[test]}. {words}")
 
-def pictured(found: FailureRegions, frames: KeptFrames) -> dict[str, tuple[str, ...]]:
-    """The tests on each card of a scenario: a region's representatives, then its other failures, as far as frames were kept."""
-    first = {
-        region.name: [one.test_id for one in region.representatives] for region in found.regions
-    }
-    known = frames.tests
-    return {
-        name: tuple(
-            [test for test in dict.fromkeys([*first.get(name, []), *tests]) if test in known][
-                :PICTURES
-            ]
-        )
-        for name, tests in groups(found).items()
-    }
+
+def pictured(regions: FailureRegions, frames: KeptFrames) -> dict[str, tuple[str, ...]]:
+    """The tests on each card of a scenario: at most `PICTURES` with kept frames.
+
+    A region's representatives come before its other failures.
+    """
+    representatives: dict[str, list[str]] = {}
+    for region in regions.regions:
+        representatives[region.name] = [test.test_id for test in region.representatives]
+    with_frames, chosen = frames.tests, {}
+    for name, members in groups(regions).items():
+        ordered = dict.fromkeys([*representatives.get(name, []), *members])
+        chosen[name] = tuple([test for test in ordered if test in with_frames][:PICTURES])
+    return chosen
 
 
 def ends(tests: pd.DataFrame) -> dict[str, str]:
-    """How each test ended: `contact, adj. TTC 0.02 s`. tests: rows of tests.parquet without an error."""
+    """How each test ended: `contact, adj. TTC 0.02 s`. tests: rows of tests.parquet, no errors."""
     rows = zip(tests["test_id"], tests["failure_mode"], tests["adj_ttc_s"], strict=True)
     return {test: f"{MODE_NAMES[mode]}, adj. TTC {value:.2f} s" for test, mode, value in rows}
 
 
 def cards(
-    found: FailureRegions, tests: Mapping[str, Sequence[str]], shown: Shown
+    regions: FailureRegions, tests: Mapping[str, Sequence[str]], shown: Shown
 ) -> tuple[Card, ...]:
-    """The cards of a scenario: its regions, then the failures in none. tests: those pictured, by card."""
-    *regions, isolated = groups(found).items()
-    return (
-        *(
-            _region(region, found, tests[name], shown)
-            for region, (name, _) in zip(found.regions, regions, strict=True)
-        ),
-        *([_isolated(*isolated, tests[isolated[0]], shown)] if found.isolated else []),
-    )
+    """The cards of a scenario: its regions, then the failures in no region.
+
+    Args:
+        regions: The failure regions of the scenario.
+        tests: Card -> the tests with a picture on it, from `pictured`.
+        shown: Pictures, words and films of the tests.
+    """
+    result = [_card(region, regions, tests[region.name], shown) for region in regions.regions]
+    if regions.isolated:
+        name, members = list(groups(regions).items())[-1]
+        text = (
+            "Failures in no region. Some may lie inside the rule of a region whose failures "
+            "have another cause."
+        )
+        isolated = Card(
+            name=name,
+            tag="no region",
+            text=text,
+            rule="",
+            members=len(members),
+            facts=(("failures", str(len(members))),),
+            pictures=tuple(map(shown.picture, tests[name])),
+            fewer=_fewer(len(tests[name]), len(members)),
+            bars=(),
+            replays=(),
+            test=(*tests[name], *members)[0],
+        )
+        result.append(isolated)
+    return tuple(result)
 
 
-def _region(
-    region: FailureRegion, found: FailureRegions, tests: Sequence[str], shown: Shown
+def _card(
+    region: FailureRegion, regions: FailureRegions, tests: Sequence[str], shown: Shown
 ) -> Card:
-    why = region.why
+    unsolvable = set(region.members) & set(regions.not_solvable)
     return Card(
         name=region.name,
         tag=region.status,
-        text="" if why is None else why.sentence,
+        text=region.why.sentence if region.why else "",
         rule=region.rule,
         members=len(region.members),
-        facts=tuple(_facts(region, found)),
-        pictures=tuple(_picture(test, shown) for test in tests),
+        facts=tuple(_facts(region, len(unsolvable))),
+        pictures=tuple(map(shown.picture, tests)),
         fewer=_fewer(len(tests), len(region.members)),
-        bars=()
-        if why is None
-        else tuple(map(_bar, [*why.repairs, *([why.control] if why.control else [])])),
+        bars=_bars(region.why) if region.why else (),
         replays=tuple(shown.films.get(region.name, ())),
         test=region.representatives[0].test_id,
     )
 
 
-def _isolated(name: str, members: Sequence[str], tests: Sequence[str], shown: Shown) -> Card:
-    return Card(
-        name=name,
-        tag="no region",
-        text="Failures in no region. Some may lie inside the rule of a region whose failures have another cause.",
-        rule="",
-        members=len(members),
-        facts=(("failures", str(len(members))),),
-        pictures=tuple(_picture(test, shown) for test in tests),
-        fewer=_fewer(len(tests), len(members)),
-        bars=(),
-        replays=(),
-        test=(*tests, *members)[0],
-    )
-
-
-def _facts(region: FailureRegion, found: FailureRegions) -> list[tuple[str, str]]:
-    held_back, unsolvable = region.held_back, set(region.members) & set(found.not_solvable)
-    return [
+def _facts(region: FailureRegion, unsolvable: int) -> list[tuple[str, str]]:
+    """Names and values. unsolvable: number of failures that no detector could avoid."""
+    inside = f"{region.failures_inside} / {region.support} = {share(region.precision)}"
+    held_back, rate = region.held_back, region.held_back.rate
+    facts = [
         ("failures", str(len(region.members))),
         ("cause", CAUSES.get(region.cause, MIXED)),
-        (
-            "failures inside the rule",
-            f"{region.failures_inside} / {region.support} = {share(region.precision)}",
-        ),
+        ("failures inside the rule", inside),
         ("lift", f"{region.lift:.1f}"),
         (
             "held back",
-            NONE
-            if held_back.rate is None
-            else f"{held_back.failures} / {held_back.tests} = {share(held_back.rate)}",
+            NONE if rate is None else f"{held_back.failures} / {held_back.tests} = {share(rate)}",
         ),
         ("covered by the rule", share(region.recall)),
-        *_confirmation(region.confirmation),
-        (
-            "failure modes",
-            ", ".join(f"{count} {MODE_NAMES[name]}" for name, count in region.modes if count),
-        ),
-        ("found by", ", ".join(f"{count} {name}" for name, count in region.strategies.items())),
-        *([("not solvable with this camera", str(len(unsolvable)))] if unsolvable else []),
     ]
+    if (fresh := region.confirmation) is None:
+        facts.append(("fresh tests", NOT_EXECUTED))
+    else:
+        facts += [
+            ("fresh tests inside", fresh_counts(fresh.inside)),
+            ("fresh tests just outside", fresh_counts(fresh.outside)),
+            ("p, Fisher's exact test", f"{fresh.p_value:.2g}"),
+        ]
+    modes = (f"{count} {MODE_NAMES[name]}" for name, count in region.modes if count)
+    strategies = (f"{count} {name}" for name, count in region.strategies.items())
+    facts += [("failure modes", ", ".join(modes)), ("found by", ", ".join(strategies))]
+    if unsolvable:
+        facts.append(("not solvable with this camera", str(unsolvable)))
+    return facts
 
 
-def _confirmation(found: Confirmation | None) -> list[tuple[str, str]]:
-    """Fresh random tests and their failures inside the rule and just outside it."""
-    if found is None:
-        return [("fresh tests", NOT_EXECUTED)]
-    return [
-        ("fresh tests inside", fresh_counts(found.inside)),
-        ("fresh tests just outside", fresh_counts(found.outside)),
-        ("p, Fisher's exact test", f"{found.p_value:.2g}"),
-    ]
-
-
-def _bar(repair: Repair) -> Bar:
-    errors = f"; errors: {repair.errors}" if repair.errors else ""
-    rate = f" = {percent(repair.rate)}" if repair.rate else ""
-    return Bar(
-        repair.change,
-        repair.repaired,
-        max(1, repair.tests),
-        f"{repair.repaired} / {repair.tests}{rate}{errors}",
-    )
+def _bars(why: Why) -> tuple[Bar, ...]:
+    """A bar for each repair, then for the control."""
+    bars = []
+    for repair in [*why.repairs, *([why.control] if why.control else [])]:
+        text = f"{repair.repaired} / {repair.tests}"
+        if repair.rate:
+            text += f" = {percent(repair.rate)}"
+        if repair.errors:
+            text += f"; errors: {repair.errors}"
+        bars.append(Bar(repair.change, repair.repaired, max(1, repair.tests), text))
+    return tuple(bars)
 
 
 def _fewer(pictures: int, members: int) -> str:
     """Why a card has fewer pictures than usual; empty if it has all."""
     if pictures == min(PICTURES, members):
         return ""
-    return (
-        f"Frames were kept for {pictures} of its {members} failures."
-        if pictures
-        else "No frames of its failures were kept."
-    )
-
-
-def _picture(test: str, shown: Shown) -> Picture:
-    """The frame, less sharp than it was kept, so that many fit on the page."""
-    moment = shown.moments[test]
-    scored = [
-        (box, score, "reported" if score >= shown.reported_from else "unreported")
-        for box, score in moment.detections[:BOXES]
-    ]
-    boxes = [
-        Box(*box, kind=kind, label=_score(score)) for box, score, kind in reversed(scored)
-    ]  # The best one on top.
-    truth = [Box(*moment.truth, kind="truth")] if moment.truth else []
-    words = f"{shown.ends[test]}. {_words(moment, shown.reported_from)}"
-    return Picture(test, jpeg_uri(decode_jpeg(moment.image)), moment.size, (*truth, *boxes), words)
+    if not pictures:
+        return "No frames of its failures were kept."
+    return f"Frames were kept for {pictures} of its {members} failures."
 
 
 def _score(score: float) -> str:
-    """Rounded down, so that no score below the threshold looks like it."""
+    """Rounded down: a score below the threshold must not look like it."""
     return f"{floor(100 * score + 1e-9) / 100:.2f}"
-
-
-def _words(moment: Moment, reported_from: float) -> str:
-    reported = sum(score >= reported_from for _, score in moment.detections)
-    best = f", best score {_score(moment.detections[0][1])}" if moment.detections else ""
-    return f"Pedestrian {'in sight' if moment.truth else 'hidden'}; reported detections: {reported}{best}."

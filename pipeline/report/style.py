@@ -77,7 +77,7 @@ _RC = {
 
 @contextmanager
 def styled(changes: Mapping[str, object] | None = None) -> Iterator[None]:
-    """Apply the report's style, with changes, inside the block; matplotlib's settings are restored afterwards."""
+    """Apply the report's style, with changes, inside the block."""
     with matplotlib.rc_context({**_RC, **(changes or {})}):
         yield
 
@@ -85,7 +85,18 @@ def styled(changes: Mapping[str, object] | None = None) -> Iterator[None]:
 def panels(
     rows: int, columns: int, *, width: float, height: float, sharey: bool = True
 ) -> tuple[Figure, list[list[Axes]]]:
-    """A figure of rows x columns panels, each width x height inches; without pyplot, so no global state and no display."""
+    """A figure of rows x columns panels, made without pyplot's global state and display.
+
+    Args:
+        rows: Number of rows.
+        columns: Number of columns.
+        width: Width of a panel in inches.
+        height: Height of a panel in inches.
+        sharey: Whether all panels share their y axis.
+
+    Returns:
+        The figure, and its axes row by row.
+    """
     figure = Figure(figsize=(width * columns, height * rows))
     grid = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
     return figure, [list(row) for row in grid]
@@ -94,7 +105,18 @@ def panels(
 def wrapped(
     count: int, columns: int, *, height: float, ylabel: str, sharey: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """A figure as wide as the page: `count` panels in rows of at most `columns`, each `height` inches high; one y label a row."""
+    """A figure as wide as the page, with its panels in rows; one y label a row.
+
+    Args:
+        count: Number of panels.
+        columns: Largest number of panels in a row.
+        height: Height of a panel in inches.
+        ylabel: Label of the y axes.
+        sharey: Whether all panels share their y axis.
+
+    Returns:
+        The figure, and the axes of its panels.
+    """
     columns = min(columns, count)
     figure, axes = panels(
         -(-count // columns), columns, width=PAGE_INCHES / columns, height=height, sharey=sharey
@@ -137,16 +159,14 @@ def series_colours(names: list[str] | tuple[str, ...]) -> dict[str, str]:
 
 
 def svg(figure: Figure, label: str) -> str:
-    """The figure as an inline SVG element in the text colour of the page; the same figure gives the same SVG. label: what it shows."""
+    """The figure as an inline SVG element in the text colour of the page.
+
+    The same figure gives the same SVG. label: description for screen readers.
+    """
     buffer = io.StringIO()
     with styled():
-        figure.savefig(
-            buffer,
-            format="svg",
-            transparent=True,
-            dpi=150,
-            metadata={"Date": None, "Creator": None},
-        )
+        metadata = {"Date": None, "Creator": None}
+        figure.savefig(buffer, format="svg", transparent=True, dpi=150, metadata=metadata)
     text = buffer.getvalue()
     return (
         text[text.index("<svg") :]

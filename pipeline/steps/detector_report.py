@@ -55,7 +55,7 @@ def run(job: Job) -> None:
         version=version,
         measures=read(job.input("measures"), Measures).of(version),
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
-        known=read_spaces(job.inputs("spaces")),
+        scenarios=read_spaces(job.inputs("spaces")),
         rows=rows,
         learnt=rows,
         detectors=dict(zip(config.tested, job.inputs("detectors"), strict=True)),

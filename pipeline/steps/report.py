@@ -75,7 +75,7 @@ def run(job: Job) -> None:
         version=BASE,
         measures=read(job.input("measures"), Measures),
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
-        known=read_spaces(job.inputs("spaces")),
+        scenarios=read_spaces(job.inputs("spaces")),
         rows=rows,
         learnt=pd.concat(learnt, ignore_index=True),
         detectors=dict(zip((card.version for card in cards), job.inputs("detectors"), strict=True)),

@@ -1,4 +1,8 @@
-"""What MLflow gets of a study, and where it is kept. Light: nothing here imports MLflow."""
+"""The runs and model versions of a study in MLflow, the only room that imports it.
+
+`client` connects, `runs` and `registry` write, `contents` describes a study for both, `champion`
+moves the alias, `served_model` makes a version loadable. This file itself imports no MLflow.
+"""
 
 from __future__ import annotations
 
@@ -7,4 +11,6 @@ from pathlib import Path
 STORE, ARTIFACTS = Path("data/mlflow/mlflow.db"), Path("data/mlflow/artifacts")
 """Store of the runs without MLFLOW_TRACKING_URI."""
 UNTRACKED = ("scenarios", "front_car", "exposure")
-"""Sections of a config that are no parameters of its runs: the bodies of scenarios are long, and the others change no run."""
+"""Sections of a config that are no parameters of its runs.
+
+The bodies of scenarios are long, and the other sections change no run."""

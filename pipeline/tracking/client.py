@@ -1,4 +1,4 @@
-"""The connection to MLflow: the server that MLFLOW_TRACKING_URI names, else an SQLite file in the project."""
+"""The connection to MLflow: the server of MLFLOW_TRACKING_URI, or an SQLite file."""
 
 from __future__ import annotations
 
@@ -23,17 +23,23 @@ ANSWER_S = 20.0
 
 
 def server() -> str | None:
-    """The address of the server, None if there is none; an empty variable names none."""
+    """The address in MLFLOW_TRACKING_URI; None if it is missing or empty."""
     return os.environ.get("MLFLOW_TRACKING_URI") or None
 
 
 def connect(store: Path) -> MlflowClient:
-    """A client of the server or, without one, of the SQLite file `store`, which is made if it is missing; InputError if the server does not
-    answer or the file is damaged."""
+    """A client of the server or, without a server, of an SQLite file.
+
+    Args:
+        store: The SQLite file; it is made if it is missing.
+
+    Raises:
+        InputError: The server does not answer, or the file is damaged.
+    """
     if (address := server()) is not None:
         check_answer(address)
     elif store.exists():
-        _check(store)
+        _check_store(store)
     os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
     os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
     # Without this, MLflow waits minutes for a server that does not answer.
@@ -42,8 +48,8 @@ def connect(store: Path) -> MlflowClient:
     # The store's migrations log a hundred lines on first use.
     logging.getLogger("alembic").setLevel(logging.WARNING)
     if address is None and not store.exists():
-        _make(store)
-    return _client(address or _uri(store))
+        _make_store(store)
+    return _client(address or f"sqlite:///{store.resolve()}")
 
 
 def _client(uri: str) -> MlflowClient:
@@ -52,42 +58,49 @@ def _client(uri: str) -> MlflowClient:
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
 
 
-def _uri(store: Path) -> str:
-    return f"sqlite:///{store.resolve()}"
+def _make_store(store: Path) -> None:
+    """Make an empty store under another name and rename it when it is whole.
 
-
-def _make(store: Path) -> None:
-    """Make an empty store under another name and rename it when it is whole: MLflow's migrations cannot go on after a kill."""
+    MLflow's migrations cannot resume after a kill.
+    """
     making = store.with_name(f".{store.name}.making")
     store.parent.mkdir(parents=True, exist_ok=True)
     making.unlink(missing_ok=True)
-    _client(_uri(making)).search_experiments(max_results=1)
+    _client(f"sqlite:///{making.resolve()}").search_experiments(max_results=1)
     with making.open("rb") as file:
         os.fsync(file.fileno())
     making.rename(store)
 
 
-def _check(store: Path) -> None:
-    """SQLite's own check, as the file has no digest: it changes with every run. Then a search for what a broken migration leaves."""
+def _check_store(store: Path) -> None:
+    """InputError if SQLite finds the file damaged or a migration was interrupted.
+
+    The file has no digest of ours, because it changes with every run.
+    """
+    half_migrated = "SELECT name FROM sqlite_master WHERE name LIKE '\\_alembic\\_tmp%' ESCAPE '\\'"
     try:
         with closing(sqlite3.connect(store)) as database:
-            found = str(database.execute("PRAGMA integrity_check(1)").fetchone()[0])
-            if half := database.execute(
-                "SELECT name FROM sqlite_master WHERE name LIKE '\\_alembic\\_tmp%' ESCAPE '\\'"
-            ).fetchone():
-                found = f"a migration was interrupted at {half[0]}"
+            state = str(database.execute("PRAGMA integrity_check(1)").fetchone()[0])
+            if table := database.execute(half_migrated).fetchone():
+                state = f"a migration was interrupted at {table[0]}"
     except sqlite3.Error as error:
-        found = str(error)
-    if found != "ok":
-        said = found.splitlines()[-1]
+        state = str(error)
+    if state != "ok":
         again = f"mv {store} {store}.damaged && ./run --forcerun track"
         raise InputError(
-            f"{store}: damaged ({said}); to register this study's versions in a new one, type: {again}"
+            f"{store}: damaged ({state.splitlines()[-1]}); to register this study's versions in a "
+            f"new one, type: {again}"
         )
 
 
 def check_answer(address: str) -> None:
-    """InputError if a server keeps us waiting: MLflow itself would wait for minutes. It tells other faults soon."""
+    """Check that a server answers in time; MLflow itself would wait for minutes.
+
+    MLflow reports other faults soon.
+
+    Raises:
+        InputError: The server does not answer within `ANSWER_S`.
+    """
     if not address.startswith(("http://", "https://")):
         return
     try:
@@ -96,18 +109,18 @@ def check_answer(address: str) -> None:
         reason = error.reason if isinstance(error, URLError) else error
         if isinstance(reason, TimeoutError):
             raise InputError(
-                f"MLflow at {address} does not answer within {ANSWER_S:g} s; the same command resumes once it does"
+                f"MLflow at {address} does not answer within {ANSWER_S:g} s; the same command "
+                "resumes once it does"
             ) from error
 
 
 @contextmanager
 def usable(store: Path) -> Iterator[None]:
-    """InputError for whatever MLflow raises inside."""
+    """Turn an error of MLflow inside the block into an InputError."""
     from mlflow.exceptions import MlflowException
 
     try:
         yield
     except MlflowException as error:
-        raise InputError(
-            f"MLflow at {server() or store} cannot be used: {str(error).splitlines()[0]}"
-        ) from error
+        reason = str(error).splitlines()[0]
+        raise InputError(f"MLflow at {server() or store} cannot be used: {reason}") from error

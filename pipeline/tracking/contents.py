@@ -1,4 +1,4 @@
-"""A study's content in MLflow: of each run, and of each registered version."""
+"""A study's content in MLflow: its runs and its registered versions."""
 
 from __future__ import annotations
 
@@ -26,13 +26,19 @@ from pipeline.tracking.runs import Content, DataSet
 
 WEIGHTS = "weights_sha256"
 """Tag of the run of a model version."""
+COVERAGES = ("pair_coverage_tests", "pair_coverage_failures", "projection_coverage")
+MEASURES = ("f_measure", "f_n", "c_measure", *COVERAGES)
+"""Measures of a search that its run has, if they are defined."""
+CURVES = ("learning_rate", "loss_scores", "loss_boxes", "ap50")
+"""Columns of a training curve that a version's run has."""
 
 
 def study_content(config: Config) -> Content:
-    """The study as the parent of all other runs; its parameters are those of params.yaml, except `UNTRACKED`."""
-    plain = {
-        key: value for key, value in config.model_dump(mode="json").items() if key not in UNTRACKED
-    }
+    """The study as the parent of all other runs, with the parameters of params.yaml.
+
+    The sections in `UNTRACKED` are left out.
+    """
+    plain = config.model_dump(mode="json", exclude=set(UNTRACKED))
     return Content(name=config.study, kind="study", params=dict(_flat(plain)))
 
 
@@ -40,17 +46,26 @@ def _flat(plain: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str
     for key, value in plain.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{key}.")
+        elif isinstance(value, list):
+            yield f"{prefix}{key}", " ".join(map(str, value))
         else:
-            yield (
-                f"{prefix}{key}",
-                " ".join(map(str, value)) if isinstance(value, list) else str(value),
-            )
+            yield f"{prefix}{key}", str(value)
 
 
 def campaign_content(
     study: str, tests: pd.DataFrame, measured: CampaignMeasures | None, path: Path
 ) -> Content:
-    """One campaign as a run: failures by mode, Θ as a series, the measures if it is a search, the table."""
+    """One campaign as a run.
+
+    Args:
+        study: Name of the study.
+        tests: Rows of the campaign.
+        measured: Its measures, if it is a search.
+        path: Its tests.parquet.
+
+    Returns:
+        Failures by mode, Θ as a series, measures and the table.
+    """
     campaign = campaign_of(tests, path)
     theta = failure_sequence(tests.sort_values("index")["failure"].to_numpy(bool))
     modes = count_modes(tests)
@@ -58,29 +73,20 @@ def campaign_content(
         "tests": len(tests),
         "errors": int((~is_valid(tests)).sum()),
         "failures": modes.total,
-    }
-    metrics |= {
         "failures_by_ttc": modes.by_ttc,
-        **{f"failures_{mode}": count for mode, count in modes},
     }
-    if measured is not None:
-        names = (
-            "f_measure",
-            "f_n",
-            "c_measure",
-            "pair_coverage_tests",
-            "pair_coverage_failures",
-            "projection_coverage",
-        )
-        metrics |= {name: value for name in names if (value := getattr(measured, name)) is not None}
+    for mode, count in modes:
+        metrics[f"failures_{mode}"] = count
+    for name in MEASURES if measured is not None else ():
+        if (value := getattr(measured, name)) is not None:
+            metrics[name] = value
+    params = {"study": study} | asdict(campaign)
     return Content(
         name="/".join(map(str, (study, *astuple(campaign)))),
         kind="campaign",
-        params={"study": study, **{name: str(value) for name, value in asdict(campaign).items()}},
+        params={name: str(value) for name, value in params.items()},
         metrics={name: float(value) for name, value in metrics.items()},
-        series={
-            "failures_found": [(position, float(count)) for position, count in enumerate(theta, 1)]
-        },
+        series={"failures_found": list(enumerate(map(float, theta), 1))},
         files=[path],
     )
 
@@ -88,18 +94,15 @@ def campaign_content(
 def comparison_content(
     study: str, comparison: Comparison, path: Path, plots: Sequence[Path]
 ) -> Content:
-    """The comparison as a run, metrics `<name>.<version>`; path: its comparison.json."""
-    metrics = {
-        f"{name}.{r.version}": value
-        for r in comparison.versions
-        for name, value in version_metrics(r).items()
-    }
+    """The comparison as a run, with metrics `<name>.<version>`. path: its comparison.json."""
+    metrics = {}
+    for result in comparison.versions:
+        for name, value in version_metrics(result).items():
+            metrics[f"{name}.{result.version}"] = value
     params = {
         "study": study,
         "strategy": comparison.strategy,
         "scenarios": " ".join(comparison.scenarios),
-    }
-    params |= {
         "sequence": comparison.sequence_digest[:16],
         "alpha": str(comparison.alpha),
         "champion": comparison.champion,
@@ -118,26 +121,22 @@ def comparison_content(
 
 def version_metrics(result: VersionResult) -> dict[str, float]:
     """A version's results on the held-out sequence; `failures.<scenario>` beside the total."""
-    metrics = {
+    metrics: dict[str, float] = {
         "failures": result.failures,
         "failures_by_ttc": result.modes.by_ttc,
         "tests": result.tests,
         "errors": result.errors,
     }
-    metrics |= {
-        f"failures.{scenario}": count for scenario, count in failures_by_scenario(result).items()
-    }
-    rates = {"failure_rate": result.rate}
+    for scenario, count in failures_by_scenario(result).items():
+        metrics[f"failures.{scenario}"] = count
     if result.paired is not None:
-        rates |= {
-            "p_value_against_base": result.paired.p_value,
-            "change_against_base": float(result.change),
-        }
-        metrics |= {
-            "fixes": len(result.paired.fixes),
-            "regressions": len(result.paired.regressions),
-        }
-    return {**{name: float(value) for name, value in metrics.items()}, **rates}
+        metrics["fixes"] = len(result.paired.fixes)
+        metrics["regressions"] = len(result.paired.regressions)
+    metrics["failure_rate"] = result.rate
+    if result.paired is not None:
+        metrics["p_value_against_base"] = result.paired.p_value
+        metrics["change_against_base"] = result.change
+    return {name: float(value) for name, value in metrics.items()}
 
 
 def failures_by_scenario(result: VersionResult) -> dict[str, int]:
@@ -148,7 +147,7 @@ def failures_by_scenario(result: VersionResult) -> dict[str, int]:
 def registration_of(
     config: Config, card: ModelCard, path: Path, comparison: Comparison, plots: Sequence[Path]
 ) -> Registration:
-    """A registered model version; path: its model.json, beside its other files."""
+    """A registered model version. path: its model.json, beside its other files."""
     result = next(r for r in comparison.versions if r.version == card.version)
     tags = {
         "study": config.study,
@@ -156,14 +155,11 @@ def registration_of(
         "failures": str(result.failures),
         "verdict": result.verdict,
     }
+    files = map(path.with_name, ("weights.safetensors", "model.onnx", "model.json"))
     return Registration(
         model=config.tracking.model_name,
         content=model_content(config, card, result, path, plots),
-        files=[
-            file
-            for name in ("weights.safetensors", "model.onnx", "model.json")
-            if (file := path.with_name(name)).exists()
-        ],
+        files=[file for file in files if file.exists()],
         tags=tags,
     )
 
@@ -171,65 +167,68 @@ def registration_of(
 def model_content(
     config: Config, card: ModelCard, result: VersionResult, path: Path, plots: Sequence[Path]
 ) -> Content:
-    """A model version as a run: parameters and curve of its training, its data, detection metrics and failures."""
+    """A model version as a run.
+
+    Args:
+        config: The study's configuration.
+        card: Card of the version.
+        result: Its result on the held-out tests.
+        path: Its model.json, beside its other files.
+        plots: Pictures to log.
+
+    Returns:
+        Parameters and curve of the training, data, detection metrics and failures.
+    """
     params = {
         "version": card.version,
         "parent": card.parent or "none",
         "parameters": str(card.parameters),
         "seed": str(card.seed),
+        "threshold": str(config.threshold),
+        "iou": str(config.detector.get("iou", IOU)),
     }
-    params |= {"threshold": str(config.threshold), "iou": str(config.detector.get("iou", IOU))}
     params |= {f"training.{name}": str(value) for name, value in card.training.items()}
-    tags: Mapping[str, str] = {
-        WEIGHTS: card.weights_sha256,
-        **{f"data.{name}": digest for name, digest in card.data.items()},
-    }
+    tags = {WEIGHTS: card.weights_sha256}
+    tags |= {f"data.{name}": digest for name, digest in card.data.items()}
     curve = path.with_name("curve.csv")
     points = read_curve(curve) if curve.exists() else []
-    series = {
-        f"training.{name}": [(point.iteration, getattr(point, name)) for point in points]
-        for name in ("learning_rate", "loss_scores", "loss_boxes", "ap50")
-        if points
-    }
+    series = {}
+    for name in CURVES if points else ():
+        series[f"training.{name}"] = [(point.iteration, getattr(point, name)) for point in points]
     shipped = card.parent is None and config.base.source == "shipped"
-    sets = {
-        "base_set": config.base.weights if shipped else f"data/{config.study}/base_set",
-        "added": _added(config, card),
-    }
-    data = [
-        DataSet(name, card.data[name], source, "training")
-        for name, source in sets.items()
-        if name in card.data
-    ]
-    results = version_metrics(result)
+    base_set = config.base.weights if shipped else f"data/{config.study}/base_set"
+    data = []
+    for name, source in (("base_set", base_set), ("added", _added(config, card))):
+        if name in card.data:
+            data.append(DataSet(name, card.data[name], source, "training"))
     return Content(
-        f"{config.study}/{card.version}",
-        "model",
-        params,
-        card.metrics,
-        series,
-        tags,
+        name=f"{config.study}/{card.version}",
+        kind="model",
+        params=params,
+        metrics=card.metrics,
+        series=series,
+        tags=tags,
         data=data,
         pictures=plots,
-        results=results,
+        results=version_metrics(result),
     )
 
 
 def _added(config: Config, card: ModelCard) -> str:
-    """The folders of the images that a version was retrained on, beside the base set."""
+    """The folders of the images that a version was retrained on, besides the base set."""
     folders, arm = Folders(config), Version.named(card.version).arm
     if config.arms.get(arm) in (NEW_SCENES, BALANCED_SCENES):
         return f"{folders.root}/{folders.scenes(card.version, arm)}"
-    later = card.training.get("round", 0) not in (0, 1)
-    return f"{folders.root}/campaigns" + (f" {folders.root}/retrained/campaigns" if later else "")
+    if card.training.get("round", 0) in (0, 1):
+        return f"{folders.root}/campaigns"
+    return f"{folders.root}/campaigns {folders.root}/retrained/campaigns"
 
 
 def git_commit() -> str:
-    """The commit of the working directory, "unknown" outside a repository."""
+    """The commit of the working directory; `unknown` outside a repository."""
+    command = ["git", "rev-parse", "HEAD"]
     try:
-        done = subprocess.run(
-            ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
     except FileNotFoundError:
         return "unknown"
     return done.stdout.strip() if done.returncode == 0 else "unknown"

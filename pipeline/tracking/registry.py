@@ -1,4 +1,4 @@
-"""The registered detector in MLflow: its versions, each with a logged model and a run, and their aliases.
+"""The registered detector in MLflow: versions, each with a logged model and a run, and aliases.
 
 A version's logged model has the digest of its content, so registering it twice makes one version.
 """
@@ -22,7 +22,7 @@ from pipeline.tracking.served_model import save_served
 if TYPE_CHECKING:
     from mlflow import MlflowClient
     from mlflow.entities import LoggedModel
-    from mlflow.entities.model_registry import ModelVersion, RegisteredModel
+    from mlflow.entities.model_registry import RegisteredModel
 
 ROOM = 5000
 """Longest description of a registered model or version, in characters."""
@@ -32,7 +32,14 @@ LIMITS = ("threshold", "iou")
 
 @dataclass(frozen=True)
 class Registration:
-    """A model version: its registered name, its run, its files (an ONNX file makes it loadable by MLflow) and its tags."""
+    """A model version.
+
+    Attributes:
+        model: Name of the registered model.
+        content: Content of the version's run.
+        files: Its files; an ONNX file makes it loadable by MLflow.
+        tags: Its tags.
+    """
 
     model: str
     content: Content
@@ -41,9 +48,9 @@ class Registration:
 
     @property
     def digest(self) -> str:
-        return hashlib.sha256(
-            json.dumps([self.content.digest, [sha256(path) for path in self.files]]).encode()
-        ).hexdigest()
+        """SHA-256 of the content and the files."""
+        plain = [self.content.digest, [sha256(path) for path in self.files]]
+        return hashlib.sha256(json.dumps(plain).encode()).hexdigest()
 
 
 class Registry:
@@ -54,24 +61,35 @@ class Registry:
         self._client = tracker.client
 
     def register(self, registration: Registration, parent: str | None = None) -> tuple[str, str]:
-        """Register the model version of a run unless it is registered already; returns its number and the run's id."""
-        run_id = self._tracker.log(registration.content, parent)
-        model, digest = registration.model, registration.digest
-        known_models = self._logged_models(digest)
-        if (known := self._version(model, run_id, known_models)) is not None:
+        """Register the model version of a run unless it is registered already.
+
+        Args:
+            registration: The model version.
+            parent: Id of the parent run.
+
+        Returns:
+            The number of the version, and the id of its run.
+        """
+        content, model = registration.content, registration.model
+        run_id = self._tracker.log(content, parent)
+        query = f"tags.`{DIGEST}` = '{registration.digest}'"
+        logged_models = self._client.search_logged_models([self._tracker.experiment], query)
+        sources = {logged.artifact_location for logged in logged_models}
+        versions = self._client.search_model_versions(f"name = '{model}' and run_id = '{run_id}'")
+        for version in versions:
+            if version.source not in sources:
+                continue
             # A comparison's results are not part of a version's identity and may have changed.
             for name, value in registration.tags.items():
-                self._client.set_model_version_tag(model, known.version, name, value)
-            for logged in known_models:
-                self._tracker.log_results(
-                    run_id, registration.content, _newest(logged), logged.model_id
-                )
-            return str(known.version), run_id
+                self._client.set_model_version_tag(model, version.version, name, value)
+            for logged in logged_models:
+                metrics = _newest(logged)
+                self._tracker.log_results(run_id, content, metrics, logged.model_id)
+            return str(version.version), run_id
         if not self._client.search_registered_models(f"name = '{model}'"):
-            self._client.create_registered_model(
-                model, description="Pedestrian detectors, tested in closed loop by Blindspot."
-            )
-        logged = self._logged_model(registration, run_id)
+            text = "Pedestrian detectors, tested in closed loop by Blindspot."
+            self._client.create_registered_model(model, description=text)
+        logged = self._logged_model(registration, run_id, logged_models)
         version = self._client.create_model_version(
             model,
             logged.artifact_location,
@@ -83,13 +101,11 @@ class Registry:
 
     def aliases(self, model: str) -> dict[str, str]:
         """The aliases of a registered model, each with the number of its version."""
-        return {
-            name: str(number)
-            for name, number in self._client.get_registered_model(model).aliases.items()
-        }
+        aliases = self._client.get_registered_model(model).aliases
+        return {name: str(number) for name, number in aliases.items()}
 
     def run_tags(self, model: str, version: str) -> dict[str, str]:
-        """The tags of a registered version's run; none if it has no run."""
+        """The tags of a registered version's run; empty if it has no run."""
         run_id = self._client.get_model_version(model, version).run_id
         return dict(self._client.get_run(run_id).data.tags) if run_id else {}
 
@@ -98,98 +114,99 @@ class Registry:
         self._client.set_registered_model_alias(model, alias, version)
 
     def describe(self, model: str, text: str, version: str | None = None) -> None:
-        """Set the description of a registered model or of one version of it, Markdown, cut to MLflow's limit."""
+        """Set the description of a registered model or of one of its versions.
+
+        Args:
+            model: Name of the registered model.
+            text: Markdown; it is cut to MLflow's limit.
+            version: Number of the version; None describes the model.
+        """
         if version is None:
             self._client.update_registered_model(model, shortened(text, ROOM))
         else:
             self._client.update_model_version(model, version, shortened(text, ROOM))
 
     def link(self, model: str, version: str, runs: Iterable[str]) -> None:
-        """Name a model version in the runs of its campaigns."""
+        """Tag the runs of a version's campaigns with the version."""
         for run_id in runs:
             self._client.set_tag(run_id, "model_version", f"{model}/{version}")
 
-    def _logged_model(self, registration: Registration, run_id: str) -> Any:
-        """The logged model of a registration; one that was killed is logged to its end."""
+    def _logged_model(
+        self, registration: Registration, run_id: str, existing: Sequence[LoggedModel]
+    ) -> Any:
+        """The logged model of a registration; one that was killed is logged to its end.
+
+        existing: logged models of the same digest.
+        """
         from mlflow.entities import LoggedModelStatus, Metric
 
-        content, digest = registration.content, registration.digest
-        known = self._logged_models(digest)
-        if ready := [found for found in known if found.status == LoggedModelStatus.READY]:
-            return ready[0]
-        logged = next(iter(known), None) or self._client.create_logged_model(
+        content = registration.content
+        for logged in existing:
+            if logged.status == LoggedModelStatus.READY:
+                return logged
+        logged = next(iter(existing), None) or self._client.create_logged_model(
             self._tracker.experiment,
             name=content.name.replace("/", "-"),
             source_run_id=run_id,
             params=dict(content.params),
-            tags={DIGEST: digest},
+            tags={DIGEST: registration.digest},
             model_type="detector",
         )
         with tempfile.TemporaryDirectory() as folder:
             for path in registration.files:
                 if path.suffix == ".onnx":
-                    save_served(
-                        path,
-                        Path(folder) / "model",
-                        {name: float(content.params[name]) for name in LIMITS},
-                    )
+                    limits = {name: float(content.params[name]) for name in LIMITS}
+                    save_served(path, Path(folder) / "model", limits)
                     self._client.log_model_artifacts(logged.model_id, str(Path(folder) / "model"))
             for path in registration.files:
                 if path.suffix != ".onnx":
                     self._client.log_model_artifact(logged.model_id, str(path))
         if points := content.metrics.items():
-            self._client.log_batch(
-                run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in points]
-            )
+            metrics = [Metric(*point, 1, 0, model_id=logged.model_id) for point in points]
+            self._client.log_batch(run_id, metrics=metrics)
         self._tracker.log_results(run_id, content, _newest(logged), logged.model_id)
         return self._client.finalize_logged_model(logged.model_id, "READY")
-
-    def _logged_models(self, digest: str) -> Sequence[LoggedModel]:
-        found: Sequence[LoggedModel] = self._client.search_logged_models(
-            [self._tracker.experiment], f"tags.`{DIGEST}` = '{digest}'"
-        )
-        return found
-
-    def _version(
-        self, model: str, run_id: str, logged: Sequence[LoggedModel]
-    ) -> ModelVersion | None:
-        sources = {one.artifact_location for one in logged}
-        found = self._client.search_model_versions(f"name = '{model}' and run_id = '{run_id}'")
-        return next((version for version in found if version.source in sources), None)
 
 
 def _newest(logged: LoggedModel) -> dict[str, float]:
     """The newest value of each metric of a logged model."""
-    return {
-        metric.key: metric.value
-        for metric in sorted(logged.metrics or [], key=lambda metric: metric.timestamp)
-    }
+    metrics = sorted(logged.metrics or [], key=lambda metric: metric.timestamp)
+    return {metric.key: metric.value for metric in metrics}
 
 
 def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
     """All results of one of MLflow's searches, which return pages."""
-    found, token = [], None
+    results, token = [], None
     while True:
         page = search(**wanted, page_token=token)
-        found += page
+        results += page
         if not (token := page.token):
-            return found
+            return results
 
 
 def registered(store: Path) -> list[dict[str, str]]:
-    """The model versions that `register` made in a store, newest last: model, number, aliases, its own tags and the metrics of its run.
+    """The model versions that `register` made in a store, newest last.
 
-    Raises InputError if there is no store, or if MLflow cannot use it.
+    Args:
+        store: SQLite file of the runs, without a server.
+
+    Returns:
+        A row for each version: model, number, aliases, its tags and the metrics of its run.
+
+    Raises:
+        InputError: There is no store, or MLflow cannot use it.
     """
     if server() is None and not store.is_file():
         raise InputError(
-            f"{store.absolute()}: expected MLflow's database, found no file; the step track makes it"
+            f"{store.absolute()}: expected MLflow's database, found no file; the step track makes "
+            "it"
         )
+    rows: list[dict[str, str]] = []
     with usable(store):
         client = connect(store)
-        return [
-            row for model in _pages(client.search_registered_models) for row in _rows(client, model)
-        ]
+        for model in _pages(client.search_registered_models):
+            rows += _rows(client, model)
+    return rows
 
 
 def _rows(client: MlflowClient, model: RegisteredModel) -> list[dict[str, str]]:
@@ -197,25 +214,14 @@ def _rows(client: MlflowClient, model: RegisteredModel) -> list[dict[str, str]]:
     aliases: dict[str, list[str]] = {}
     for alias, number in model.aliases.items():
         aliases.setdefault(str(number), []).append(alias)
-    found = [
-        v
-        for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'")
-        if "study" in v.tags
-    ]
     rows = []
-    for version in sorted(found, key=lambda one: int(one.version)):
-        number = str(version.version)
-        metrics = {
-            name: f"{value:g}"
-            for name, value in client.get_run(version.run_id).data.metrics.items()
-        }
-        rows.append(
-            {
-                **metrics,
-                **version.tags,
-                "model": model.name,
-                "number": number,
-                "alias": ", ".join(sorted(aliases.get(number, []))),
-            }
-        )
+    versions = _pages(client.search_model_versions, filter_string=f"name = '{model.name}'")
+    for version in sorted(versions, key=lambda version: int(version.version)):
+        if "study" not in version.tags:
+            continue
+        number, metrics = str(version.version), client.get_run(version.run_id).data.metrics
+        alias = ", ".join(sorted(aliases.get(number, [])))
+        identity = {"model": model.name, "number": number, "alias": alias}
+        numbers = {name: f"{value:g}" for name, value in metrics.items()}
+        rows.append({**numbers, **version.tags, **identity})
     return rows

@@ -35,7 +35,12 @@ ROOM = 8000
 
 @dataclass(frozen=True)
 class DataSet:
-    """Data that a run used. context: its purpose, such as `training`; source: its location."""
+    """Data that a run used.
+
+    Attributes:
+        source: Its location.
+        context: Its purpose, such as `training`.
+    """
 
     name: str
     digest: str
@@ -45,10 +50,13 @@ class DataSet:
 
 @dataclass(frozen=True)
 class Content:
-    """The content of a run. series: name -> (step, value) pairs. files: logged at the top of the run's artifacts.
+    """The content of a run.
 
-    pictures and results (metrics that a later comparison adds) are logged beside the content but do not belong to it: redrawing or
-    comparing again makes no new run.
+    Attributes:
+        series: Name -> (step, value) pairs.
+        files: Logged at the top of the run's artifacts.
+        pictures: Logged with the run, but not part of its identity: redrawing makes no new run.
+        results: Metrics that a later comparison adds; not part of its identity, either.
     """
 
     name: str
@@ -64,64 +72,78 @@ class Content:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of everything but the pictures and results, including the files' bytes; excludes paths and times."""
-        plain = {
-            key: value
-            for key, value in asdict(self).items()
-            if key not in ("files", "pictures", "results")
-        }
+        """SHA-256 of everything but pictures, results, paths and times; files by their bytes."""
+        plain = asdict(self)
+        del plain["pictures"], plain["results"]
         plain["files"] = _named_digests(self.files)
         return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
 class Tracker:
-    """One experiment. Creates store, artifacts and experiment if they are missing."""
+    """One experiment; makes store, artifacts and experiment if they are missing."""
 
     def __init__(
         self, store: Path, artifacts: Path, experiment: str, lineage: Mapping[str, str]
     ) -> None:
-        """store: SQLite file, and artifacts: folder, if no server is named. lineage: tags on every new run that are not part of its
-        content, such as the git commit."""
+        """Connect to MLflow.
+
+        Args:
+            store: SQLite file of the runs, without a server.
+            artifacts: Folder of their files, without a server.
+            experiment: Name of the experiment.
+            lineage: Tags on every new run that are not part of its content, such as the commit.
+
+        Raises:
+            InputError: The experiment is deleted, or MLflow cannot be used.
+        """
         if server() is None:
             artifacts.mkdir(parents=True, exist_ok=True)
         self._lineage = dict(lineage)
         place = None if server() else (artifacts.resolve() / experiment).as_uri()
         self.client = connect(store)
-        known = self.client.get_experiment_by_name(experiment)
-        if known is not None and known.lifecycle_stage == "deleted":
+        existing = self.client.get_experiment_by_name(experiment)
+        if existing is None:
+            tags = {KIND: TRAINING}
+            self.experiment = str(self.client.create_experiment(experiment, place, tags=tags))
+        elif existing.lifecycle_stage == "deleted":
             raise InputError(
-                f"MLflow's experiment '{experiment}' is deleted; restore it, or name another as tracking.experiment"
+                f"MLflow's experiment '{experiment}' is deleted; restore it, or name another as "
+                "tracking.experiment"
             )
-        self.experiment = str(
-            known.experiment_id
-            if known
-            else self.client.create_experiment(experiment, place, tags={KIND: TRAINING})
-        )
+        else:
+            self.experiment = str(existing.experiment_id)
 
     def log(self, content: Content, parent: str | None = None) -> str:
-        """Log a run unless one with the same name and content exists; returns its id.
+        """Log a run unless one with the same name and content exists.
 
-        parent: id of the parent run. An existing run moves under it. A run that was killed while it was logged is logged to its end: MLflow
-        takes a number, a data set or a file that it has already once more.
+        A run that was killed while it was logged is logged to its end: MLflow accepts a number, a
+        data set or a file that it has already.
+
+        Args:
+            content: The content of the run.
+            parent: Id of the parent run; an existing run moves under it.
+
+        Returns:
+            The id of the run.
         """
         digest = content.digest
-        known = self._known(content.name, digest)
-        if known is not None and parent is not None and known.data.tags.get(PARENT) != parent:
-            self.client.set_tag(known.info.run_id, PARENT, parent)
-        if known is not None and known.info.status == FINISHED:
-            self._log_pictures(known.info.run_id, content, known.data.tags.get(PICTURES, ""))
-            self.log_results(known.info.run_id, content, known.data.metrics)
-            return str(known.info.run_id)
-        if known is None:
-            tags = {**self._lineage, **content.tags, DIGEST: digest, "kind": content.kind} | (
-                {} if parent is None else {PARENT: parent}
-            )
-            known = self.client.create_run(self.experiment, run_name=content.name, tags=tags)
-        run_id = str(known.info.run_id)
+        run = self._existing(content.name, digest)
+        if run is None:
+            tags = {**self._lineage, **content.tags, DIGEST: digest, "kind": content.kind}
+            if parent is not None:
+                tags[PARENT] = parent
+            run = self.client.create_run(self.experiment, run_name=content.name, tags=tags)
+        elif parent is not None and run.data.tags.get(PARENT) != parent:
+            self.client.set_tag(run.info.run_id, PARENT, parent)
+        run_id = str(run.info.run_id)
+        if run.info.status == FINISHED:
+            self._log_pictures(run_id, content, run.data.tags.get(PICTURES, ""))
+            self.log_results(run_id, content, run.data.metrics)
+            return run_id
         self._log_numbers(run_id, content)
-        self.log_results(run_id, content, known.data.metrics)
+        self.log_results(run_id, content, run.data.metrics)
         if content.data:
-            self.client.log_inputs(run_id, [_dataset(data) for data in content.data])
+            self.client.log_inputs(run_id, _inputs(content.data))
         for path in content.files:
             self.client.log_artifact(run_id, str(path))
         self._log_pictures(run_id, content)
@@ -129,14 +151,21 @@ class Tracker:
         return run_id
 
     def describe(self, run_id: str, text: str, compared: Sequence[str] = ()) -> None:
-        """Set a run's description, Markdown, cut to MLflow's limit, with a link that opens MLflow's comparison of some runs."""
+        """Set a run's description.
+
+        Args:
+            run_id: Id of the run.
+            text: Markdown; it is cut to MLflow's limit.
+            compared: Ids of runs; the description links to MLflow's comparison of them.
+        """
         if compared:
             ids = ",".join(f"%22{run}%22" for run in compared)
-            text = f"[Compare the versions](#/compare-runs?runs=[{ids}]&experiments=[%22{self.experiment}%22])\n\n{text}"
+            link = f"#/compare-runs?runs=[{ids}]&experiments=[%22{self.experiment}%22]"
+            text = f"[Compare the versions]({link})\n\n{text}"
         self.client.set_tag(run_id, DESCRIPTION, shortened(text, ROOM))
 
     def _log_pictures(self, run_id: str, content: Content, logged: str = "") -> None:
-        """logged: the digest of those that the run has."""
+        """Log the pictures unless they are logged. logged: digest of the run's pictures."""
         digest = hashlib.sha256(json.dumps(_named_digests(content.pictures)).encode()).hexdigest()
         if content.pictures and digest != logged:
             for path in content.pictures:
@@ -150,15 +179,21 @@ class Tracker:
         logged: Mapping[str, float],
         model_id: str | None = None,
     ) -> None:
-        """The metrics that differ from those of a run or its logged model; MLflow shows the newest."""
+        """Log the results that differ from those of a run; MLflow shows the newest value.
+
+        Args:
+            run_id: Id of the run.
+            content: The content with the results.
+            logged: Metrics that the run or its logged model has.
+            model_id: Id of the logged model, to log its results.
+        """
         from mlflow.entities import Metric
 
         now = time.time_ns() // 1_000_000
-        changed = [
-            Metric(*point, now, 0, model_id=model_id)
-            for point in content.results.items()
-            if logged.get(point[0]) != point[1]
-        ]
+        changed = []
+        for name, value in content.results.items():
+            if logged.get(name) != value:
+                changed.append(Metric(name, value, now, 0, model_id=model_id))
         if changed:
             self.client.log_batch(run_id, metrics=changed)
 
@@ -167,27 +202,23 @@ class Tracker:
 
         # A fixed time: metrics have no time of measurement, and the steps order a series.
         points = [Metric(name, float(value), 0, 0) for name, value in content.metrics.items()]
-        points += [
-            Metric(name, float(value), 0, step)
-            for name, values in content.series.items()
-            for step, value in values
-        ]
+        for name, values in content.series.items():
+            points += [Metric(name, float(value), 0, step) for step, value in values]
         params = [Param(name, value) for name, value in content.params.items()]
         for begin in range(0, len(params), PARAMS):
             self.client.log_batch(run_id, params=params[begin : begin + PARAMS])
         for begin in range(0, len(points), BATCH):
             self.client.log_batch(run_id, metrics=points[begin : begin + BATCH])
 
-    def _known(self, name: str, digest: str) -> Run | None:
+    def _existing(self, name: str, digest: str) -> Run | None:
         """The run with this name and content, a finished one before one that was killed."""
-        runs = self.client.search_runs(
-            [self.experiment], f"tags.`{DIGEST}` = '{digest}' and attributes.run_name = '{name}'"
-        )
+        query = f"tags.`{DIGEST}` = '{digest}' and attributes.run_name = '{name}'"
+        runs = self.client.search_runs([self.experiment], query)
         return next((run for run in runs if run.info.status == FINISHED), runs[0] if runs else None)
 
 
 def shortened(text: str, room: int) -> str:
-    """Markdown of at most `room` characters: whole lines, and a word on the rest."""
+    """Markdown of at most `room` characters, cut at a line end, with a note about the cut."""
     if len(text) <= room:
         return text
     cut = text[: room - 100].rpartition("\n")[0]
@@ -198,8 +229,12 @@ def _named_digests(paths: Sequence[Path]) -> list[tuple[str, str]]:
     return sorted((path.name, sha256(path)) for path in paths)
 
 
-def _dataset(data: DataSet) -> Any:
+def _inputs(sets: Sequence[DataSet]) -> list[Any]:
+    """Data sets in MLflow's form."""
     from mlflow.entities import Dataset, DatasetInput, InputTag
 
-    described = Dataset(data.name, data.digest[:32], "local", json.dumps({"uri": data.source}))
-    return DatasetInput(described, [InputTag("mlflow.data.context", data.context)])
+    inputs = []
+    for data in sets:
+        described = Dataset(data.name, data.digest[:32], "local", json.dumps({"uri": data.source}))
+        inputs.append(DatasetInput(described, [InputTag("mlflow.data.context", data.context)]))
+    return inputs

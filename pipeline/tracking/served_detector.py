@@ -1,6 +1,7 @@
 """The detector that MLflow loads: images of any size in, boxes of pedestrians out.
 
-MLflow copies this file beside the model and runs it where Blindspot is not installed, so it imports nothing from this package.
+MLflow copies this file beside the model and runs it where Blindspot is not installed, so it imports
+nothing from this package.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ with warnings.catch_warnings():  # MLflow asks for hints that it would take for 
     class ServedDetector(PythonModel):  # type: ignore[misc]  # MLflow has no types.
         """Finds pedestrians with the ONNX file of a version.
 
-        Its model_config has `threshold`, the smallest score reported, and `iou`, the overlap above which the worse of two boxes is removed;
-        `load_model` takes others.
+        Its model_config has `threshold`, the smallest reported score, and `iou`, the overlap above
+        which the worse of two boxes is removed; `load_model` accepts other values.
         """
 
         def load_context(self, context: Any) -> None:
@@ -39,21 +40,27 @@ with warnings.catch_warnings():  # MLflow asks for hints that it would take for 
             )
             _, self._height, self._width, _ = self._session.get_inputs()[0].shape
 
-        def predict(self, context, model_input, params=None):  # type: ignore[no-untyped-def]  # MLflow takes hints for a schema.
-            """A row for each pedestrian: the image's number, the box in its pixels, the score. model_input: (n, h, w, 3) uint8 RGB."""
-            limits = context.model_config
-            rows = [
-                (number, *map(float, box), float(score))
-                for number, image in enumerate(model_input)
-                for box, score in self._found(
-                    np.asarray(image, np.uint8), limits["threshold"], limits["iou"]
-                )
-            ]
-            return pd.DataFrame(rows, columns=list(COLUMNS)).astype(
-                {"image": "int64"} | dict.fromkeys(COLUMNS[1:], "float64")
-            )
+        # Without type hints, because MLflow would turn them into a schema.
+        def predict(self, context, model_input, params=None):  # type: ignore[no-untyped-def]
+            """The pedestrians in images.
 
-        def _found(
+            Args:
+                context: MLflow's context, with `threshold` and `iou`.
+                model_input: (n, h, w, 3) uint8 RGB.
+                params: Not used.
+
+            Returns:
+                A row for each pedestrian: number of the image, box in its pixels, score.
+            """
+            limits, rows = context.model_config, []
+            for number, image in enumerate(model_input):
+                pixels = np.asarray(image, np.uint8)
+                for box, score in self._detect(pixels, limits["threshold"], limits["iou"]):
+                    rows.append((number, *map(float, box), float(score)))
+            kinds = {"image": "int64"} | dict.fromkeys(COLUMNS[1:], "float64")
+            return pd.DataFrame(rows, columns=list(COLUMNS)).astype(kinds)
+
+        def _detect(
             self, image: NDArray[np.uint8], threshold: float, iou: float
         ) -> Iterator[tuple[Floats, np.float32]]:
             height, width = image.shape[:2]
@@ -61,16 +68,12 @@ with warnings.catch_warnings():  # MLflow asks for hints that it would take for 
             columns, rows = round(width * scale), round(height * scale)
             left, top = (self._width - columns) // 2, (self._height - rows) // 2
             padded = np.full((self._height, self._width, 3), GREY, np.uint8)
-            padded[top : top + rows, left : left + columns] = (
-                image if scale == 1 else cv2.resize(image, (columns, rows))
-            )
-            boxes, scores = (
-                output[0]
-                for output in self._session.run(["boxes", "scores"], {"image": padded[None]})
-            )
-            boxes = np.clip(
-                (boxes - (left, top, left, top)) / scale, 0, (width, height, width, height)
-            ).astype(np.float32)
+            scaled = image if scale == 1 else cv2.resize(image, (columns, rows))
+            padded[top : top + rows, left : left + columns] = scaled
+            outputs = self._session.run(["boxes", "scores"], {"image": padded[None]})
+            boxes, scores = (output[0] for output in outputs)
+            boxes = (boxes - (left, top, left, top)) / scale
+            boxes = np.clip(boxes, 0, (width, height, width, height)).astype(np.float32)
             # Of a box in the grey border, nothing is left.
             real = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
             boxes, scores = boxes[real], scores[real]
@@ -79,17 +82,22 @@ with warnings.catch_warnings():  # MLflow asks for hints that it would take for 
 
 
 def suppressed(boxes: Floats, scores: Floats, iou: float) -> Iterator[int]:
-    """The boxes (n, 4) that no better one overlaps by more than `iou`, best first; boxes with a negative score do not count."""
+    """Indices of the boxes that no better one overlaps by more than `iou`, best first.
+
+    Args:
+        boxes: (n, 4) left, top, right, bottom.
+        scores: (n,); boxes with a negative score do not count.
+        iou: Largest overlap, in [0, 1].
+    """
     order = np.argsort(-scores, kind="stable")
     order = order[scores[order] >= 0]
     areas = (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
     while len(order):
         best, order = order[0], order[1:]
         yield int(best)
-        sides = np.minimum(boxes[best, 2:], boxes[order, 2:]) - np.maximum(
-            boxes[best, :2], boxes[order, :2]
-        )
-        shared = np.clip(sides, 0, None).prod(axis=1)
+        end = np.minimum(boxes[best, 2:], boxes[order, 2:])
+        start = np.maximum(boxes[best, :2], boxes[order, :2])
+        shared = np.clip(end - start, 0, None).prod(axis=1)
         order = order[shared <= iou * (areas[best] + areas[order] - shared)]
 
 

@@ -16,20 +16,18 @@ def save_served(onnx_file: Path, folder: Path, limits: Mapping[str, float]) -> N
 
     from pipeline.tracking import served_detector
 
-    boxes = [
-        ColSpec("long" if name == "image" else "double", name) for name in served_detector.COLUMNS
-    ]
-    with warnings.catch_warnings(
-        category=UserWarning, action="ignore"
-    ):  # They ask for a schema, which is here.
+    images = TensorSpec(np.dtype(np.uint8), (-1, -1, -1, 3))
+    boxes = []
+    for name in served_detector.COLUMNS:
+        boxes.append(ColSpec("long" if name == "image" else "double", name))
+    # The warnings ask for a schema, which is here.
+    with warnings.catch_warnings(category=UserWarning, action="ignore"):
         mlflow.pyfunc.save_model(
             folder,
             python_model=served_detector.__file__,
             artifacts={"onnx": str(onnx_file)},
             model_config=dict(limits),
-            signature=ModelSignature(
-                Schema([TensorSpec(np.dtype(np.uint8), (-1, -1, -1, 3))]), Schema(boxes)
-            ),
-            # Named here, because MLflow would otherwise run the model in another process to find them.
+            signature=ModelSignature(Schema([images]), Schema(boxes)),
+            # Without this list, MLflow runs the model in another process to find its requirements.
             pip_requirements=["mlflow", "numpy", "onnxruntime", "opencv-python-headless", "pandas"],
         )

@@ -1,4 +1,4 @@
-"""A small study fabricated by formula and written with the artefact writers, for tests of the steps after the campaigns."""
+"""A small study fabricated by formula, for tests of the steps after the campaigns."""
 
 from __future__ import annotations
 
@@ -63,11 +63,12 @@ TRUTH = (30.0, 10.0, 42.0, 38.0)
 def make_tests(
     space: Space, keys: dict[str, Any], points: Floats, fog_from: float = 45.0
 ) -> pd.DataFrame:
-    """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test in 50 is an error."""
-    fog, altitude = (
-        points[:, space.names.index("fog")],
-        points[:, space.names.index("sun_altitude")],
-    )
+    """Rows of tests.parquet.
+
+    A test fails at night in fog from `fog_from` on; one test in 50 is an error.
+    """
+    fog = points[:, space.names.index("fog")]
+    altitude = points[:, space.names.index("sun_altitude")]
     near = np.maximum((fog_from - fog) / 60, (altitude - 2) / 60)
     failed = near <= 0
     error = (np.arange(len(points)) % 50 == 49) & ~failed
@@ -112,29 +113,21 @@ def adaptive_points(space: Space, count: int, rng: np.random.Generator) -> Float
 
 
 def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
-    """Rows of frames.parquet: per test one empty, one far, one faint, one partly hidden and one good frame."""
-    pixels, whole, contrast = (
-        [0, 12, 200, 60, 400],
-        [0, 12, 200, 900, 400],
-        [0.0, 30.0, 4.0, 30.0, 30.0],
-    )
-    rows = [
+    """Rows of frames.parquet: per test an empty, far, faint, partly hidden and good frame."""
+    one_test = pd.DataFrame(
         {
-            "test_id": test_id,
-            "step": step,
-            "visible_pixels": pixels[step],
-            "whole_pixels": whole[step],
-            "contrast": contrast[step],
+            "step": range(5),
+            "visible_pixels": [0, 12, 200, 60, 400],
+            "whole_pixels": [0, 12, 200, 900, 400],
+            "contrast": [0.0, 30.0, 4.0, 30.0, 30.0],
+            "image": IMAGES,
         }
-        for test_id in tests["test_id"]
-        for step in range(5)
-    ]
-    frames = pd.DataFrame(rows)
+    )
+    frames = pd.concat([one_test.assign(test_id=test) for test in tests["test_id"]])
+    frames = frames.reset_index(drop=True)
     for column in FRAMES:
         if column.name not in frames:
-            frames[column.name] = (
-                [IMAGES[step] for step in frames["step"]] if column.name == "image" else 0
-            )
+            frames[column.name] = 0
     shown = frames["visible_pixels"] > 0
     for side, value in zip(SIDES, TRUTH, strict=True):
         frames[f"visible_{side}"] = np.where(shown, value, np.nan)
@@ -154,7 +147,10 @@ def make_detections(frames: pd.DataFrame) -> pd.DataFrame:
 
 
 def make_signals(tests: pd.DataFrame) -> pd.DataFrame:
-    """Rows of signals.parquet: two steps per test; the pedestrian shows in the first, 20 m away in even tests and 2 m away in odd ones."""
+    """Rows of signals.parquet: two steps per test.
+
+    The pedestrian shows in the first, 20 m away in even tests and 2 m away in odd ones.
+    """
     rows = pd.DataFrame({"test_id": np.repeat(tests["test_id"], 2), "step": [0, 1] * len(tests)})
     for signal in SIGNALS:
         rows[signal.name] = signal.kind(0)
@@ -199,7 +195,7 @@ def default_config() -> Config:
 
 @dataclass
 class FabricatedStudy:
-    """A study in a separate folder with the usual layout, fabricated up to the campaigns and the model versions."""
+    """A study in a separate folder: fabricated campaigns and model versions, usual layout."""
 
     folder: Path
     config: Config = field(default_factory=default_config)
@@ -245,15 +241,15 @@ class FabricatedStudy:
         """`make` and `analyse`, for the default config."""
         return self._copy(_analysed())
 
-    def _copy(self, made: TemporaryDirectory[str]) -> FabricatedStudy:
-        shutil.copytree(made.name, self.folder, dirs_exist_ok=True)
+    def _copy(self, source: TemporaryDirectory[str]) -> FabricatedStudy:
+        shutil.copytree(source.name, self.folder, dirs_exist_ok=True)
         return self
 
     def write(self) -> FabricatedStudy:
         """`make`, without the copy that the process keeps."""
         for name in (*self.config.search, *self.config.held_out):
             scenario = self.config.scenarios[name]
-            worlds = (one for _, one in scenario.worlds)
+            worlds = (world for _, world in scenario.worlds)
             info = ScenarioInfo(
                 name,
                 scenario.label,

@@ -1,11 +1,11 @@
-"""The alias `champion` moves only to a version that was compared with its holder, on the same tests, and is better."""
+"""The alias `champion` moves only to a version that is better than its holder on the same tests."""
 
 from __future__ import annotations
 
 import pytest
 
 from pipeline.tracking.champion import fails_less, successor
-from tests.analysis.test_compare import compared, compared_on, scenarios
+from tests.analysis.comparisons import compared, compared_on, scenarios
 
 BASE = "c" * 20 + "." * 20
 FEW = "c" * 8 + "." * 32
@@ -38,7 +38,7 @@ FEWEST = "c" + "." * 39
             "random",
             "moves from adaptive to random",
         ),
-        # A holder that more tests show to be no better keeps it, and loses it to a version that is better than it.
+        # A holder that the gate holds back keeps the alias, except against a better version.
         (
             "adaptive",
             {"base": BASE, "adaptive": BASE},

@@ -56,8 +56,8 @@ def test_a_mildest_value_of_the_wrong_type_is_refused(
 def test_the_shipped_space_has_a_change_for_every_condition_of_sight() -> None:
     space = functional_scenario("F1").logical_space()
     points = space.sample(40, np.random.default_rng(0))
-    made = changes(Outcomes(space, points, np.arange(40) < 5), np.arange(40) < 5)
-    values = {change.text: dict(change.values) for change in made}
+    derived = changes(Outcomes(space, points, np.arange(40) < 5), np.arange(40) < 5)
+    values = {change.text: dict(change.values) for change in derived}
     assert (
         values["no rain"] == {"rain": 0}
         and values["no fog"] == {"fog": 0}
@@ -65,11 +65,11 @@ def test_the_shipped_space_has_a_change_for_every_condition_of_sight() -> None:
     )
     assert values["pedestrian speed 0.5 m/s"] == {"pedestrian_speed": 0.5}
     assert values[CLEAR] == {"rain": 0, "fog": 0, "sun_azimuth": 180, "sun_altitude": 60}
-    assert [change.text for change in made if not change.is_single] == [CLEAR]
+    assert [change.text for change in derived if not change.is_single] == [CLEAR]
     assert (
         CONTROL.is_control
         and not CONTROL.is_single
-        and not any(change.is_control for change in made)
+        and not any(change.is_control for change in derived)
     )
 
 
@@ -127,7 +127,7 @@ def test_the_first_repair_is_the_planted_cause(name: str) -> None:
             for change in (*changes(tests, group.members), CONTROL)
         ]
         first = ranked(tried)[0]
-        box = max(world.boxes, key=lambda one: int(one.holds(tests.points[group.members]).sum()))
+        box = max(world.boxes, key=lambda box: int(box.holds(tests.points[group.members]).sum()))
         about = (
             {"rain", "fog"}
             if isinstance(box, Band)
@@ -140,11 +140,11 @@ def test_the_first_repair_is_the_planted_cause(name: str) -> None:
 
 
 def _repaired(name: str, failures: list[dict[str, float | str]], change: Change) -> float:
-    changed = [change.of(one, SPACE) for one in failures]
+    changed = [change.of(point, SPACE) for point in failures]
     return float(
         1
         - WORLDS[name]
-        .fails(np.array([SPACE.encode(one) for one in changed if one is not None]))
+        .fails(np.array([SPACE.encode(point) for point in changed if point is not None]))
         .mean()
     )
 
@@ -170,7 +170,7 @@ def test_a_line_crosses_a_footprint_where_its_points_do(
 
 
 def _signals(pedestrian_y: float, visible_width: float) -> dict[str, np.ndarray]:
-    """One frame: the ego 20 m before the conflict point of F1, and a pedestrian whose box is 10 pixels wide without occluders."""
+    """One frame: the ego 20 m before the conflict point of F1, a pedestrian 10 pixels wide."""
     boxes = {"whole": (0.0, 0.0, 10.0, 20.0), "visible": (0.0, 0.0, visible_width, 20.0)}
     sides = {
         f"{kind}_{side}": value

@@ -103,7 +103,7 @@ def test_every_test_fails_is_one_region_that_says_so() -> None:
         for point in points
     ]
     tests = make_tests(space, KEYS, points).assign(
-        status="ok", failure=[found.failure for found in outcomes], failure_mode="late"
+        status="ok", failure=[outcome.failure for outcome in outcomes], failure_mode="late"
     )
     result = cluster(
         INFO, space, tests, Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0)
@@ -136,7 +136,7 @@ def test_a_test_of_two_campaigns_counts_once(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path / "study").make()
     campaign, same = study.search_tests[0], tmp_path / "same" / "tests.parquet"
     shutil.copytree(campaign.parent, same.parent)
-    found = []
+    written = []
     for tests in ([campaign], [campaign, same]):
         signals = [str(path.with_name("signals.parquet")) for path in tests]
         study.run(
@@ -145,8 +145,8 @@ def test_a_test_of_two_campaigns_counts_once(tmp_path: Path) -> None:
             version="base",
             scenario="F1",
         )
-        found.append(study.regions[0].read_bytes())
-    assert found[0] == found[1]
+        written.append(study.regions[0].read_bytes())
+    assert written[0] == written[1]
 
 
 def test_step_on_files(tmp_path: Path) -> None:
@@ -166,5 +166,5 @@ def test_the_worst_failure_is_the_hardest_contact() -> None:
         test_id=list("abcd"), strategy="s", seed=0
     )
     rows = rows.assign(impact_speed_mps=[0.0, 2, 8, np.nan], adj_ttc_s=[0.01, 0.05, 0.05, 0.05])
-    found = {one.role: one.test_id for one in _representatives(SMALL, rows, points)}
-    assert found == {"medoid": "b", "worst": "c", "furthest": "d"}
+    roles = {test.role: test.test_id for test in _representatives(SMALL, rows, points)}
+    assert roles == {"medoid": "b", "worst": "c", "furthest": "d"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,86 +18,23 @@ from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.composing import compose
-from pipeline.core.comparison import Bools, SequenceTest
-from pipeline.core.gate import Policy
+from pipeline.core.comparison import SequenceTest
 from pipeline.errors import InputError
 from pipeline.report.failure_tables import braking_held_out
 from pipeline.report.verdict import verdict_table
 from pipeline.report.verdict_section import headline
+from tests.analysis.comparisons import (
+    POLICY,
+    compared,
+    compared_on,
+    held_out,
+    scenarios,
+    table,
+)
 from tests.analysis.fabricated import FabricatedStudy
 from tests.spaces import SMALL
 
 LABELS = {"F1star": "F1*"}
-POLICY = Policy(alpha=0.05, confidence=0.95, margin=0.1)
-
-
-def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
-    """Tests from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'n' unnecessary braking, 'e' error."""
-    modes = {
-        ".": "none",
-        "c": "contact",
-        "l": "late",
-        "f": "false_positives",
-        "n": "false_activation",
-        "e": "none",
-    }
-    causes = {
-        ".": "none",
-        "c": "never_seen",
-        "l": "box",
-        "f": "false_positives",
-        "n": "false_activation",
-        "e": "none",
-    }
-    return pd.DataFrame(
-        [
-            {
-                "scenario": "F1star",
-                "strategy": "pairwise",
-                "version": version,
-                "seed": 0,
-                "index": index,
-                "status": "error" if sign == "e" else "ok",
-                "failure": sign in "clfn",
-                "failure_mode": modes[sign],
-                "cause": causes[sign],
-                "false_activations": int(sign == "n"),
-                "false_activation_s": 1.5 * (sign == "n"),
-                "speed_loss_mps": 4.0 * (sign == "n"),
-            }
-            for version, signs in outcomes.items()
-            for index, sign in enumerate(signs)
-        ]
-    )
-
-
-def held_out(tests: pd.DataFrame) -> HeldOut:
-    """Tests as `HeldOut`, versions and scenarios in order of appearance."""
-    tables = {
-        key: rows.reset_index(drop=True)
-        for key, rows in tests.groupby(["scenario", "version"], sort=False)
-    }
-    labels = {name: name.replace("star", "*") for name in tests["scenario"].unique()}
-    return HeldOut(tuple(tests["version"].unique()), labels, tables)
-
-
-def compared_on(sequence: HeldOut, **named: Bools) -> Comparison:
-    """named: the named groups of its tests."""
-    return compare(sequence, named, "digest", [], POLICY)
-
-
-def compared(**outcomes: str) -> Comparison:
-    return compared_on(held_out(table(outcomes)))
-
-
-def scenarios(**outcomes: Mapping[str, str]) -> HeldOut:
-    """Several scenarios: name -> version -> outcomes."""
-    return held_out(
-        pd.concat(
-            [table(found).assign(scenario=name) for name, found in outcomes.items()],
-            ignore_index=True,
-        )
-    )
 
 
 def test_counts_pairs_and_exact_p_value() -> None:
@@ -211,9 +147,9 @@ def test_a_version_that_may_be_worse_somewhere_is_held_back() -> None:
     )
     # Wilson's one-sided limit of 3 of 60, because there are no fixes.
     assert result.versions[1].verdict == "better" and result.champion == "base"
-    assert (
-        result.gate["adaptive"]
-        == "held back: the failure rate may rise by up to 11.9 points (F2*), more than the margin of 10 points"
+    assert result.gate["adaptive"] == (
+        "held back: the failure rate may rise by up to 11.9 points (F2*), more than the "
+        "margin of 10 points"
     )
     assert [
         (limit.name, limit.tests, limit.fixes, limit.regressions, limit.judgement)
@@ -231,7 +167,8 @@ def test_a_rise_within_the_margin_passes() -> None:
     )
     assert result.champion == "adaptive"
     assert result.gate["adaptive"] == (
-        "passes: significantly fewer failures than base (p = 2.5e-07); the failure rate rises by at most 10 points in "
+        "passes: significantly fewer failures than base (p = 2.5e-07); the failure rate rises by "
+        "at most 10 points in "
         "each judged scenario and group (95 % upper limits)"
     )
 
@@ -246,9 +183,9 @@ def test_a_named_group_that_may_be_worse_holds_a_version_back() -> None:
     wide = replace(POLICY, margin=0.15)
     assert compare(sequence, {}, "digest", [], wide).passes("adaptive")
     result = compare(sequence, {"night": night, "day": ~night}, "digest", [], wide)
-    assert (
-        result.gate["adaptive"]
-        == "held back: the failure rate may rise by up to 30.5 points (night), more than the margin of 15 points"
+    assert result.gate["adaptive"] == (
+        "held back: the failure rate may rise by up to 30.5 points (night), more than the "
+        "margin of 15 points"
     )
     assert [(limit.name, limit.tests) for limit in result.versions[1].limits] == [
         ("F1*", 60),
@@ -263,7 +200,8 @@ def test_a_group_that_is_too_small_to_judge_is_named_and_holds_nothing_back() ->
     tests = table({"base": "c" * 36 + "." * 24, "adaptive": "." * 56 + "cccc"})
     result = compared_on(held_out(tests), children=children, adults=~children)
     assert result.gate["adaptive"].endswith(
-        "rises by at most 10 points in each judged scenario and group (95 % upper limits); too small to judge: children"
+        "rises by at most 10 points in each judged scenario and group (95 % upper limits); too "
+        "small to judge: children"
     )
     assert [limit.judgement for limit in result.versions[1].limits] == [
         "within the margin",
@@ -304,7 +242,8 @@ def test_false_activations_are_limited_apart_from_failures() -> None:
         ],
     ]
     assert result.gate["adaptive"] == (
-        "held back: the rate of false activations may rise by up to 14.0 points (N1), 26.6 points (children), more than the margin of "
+        "held back: the rate of false activations may rise by up to 14.0 points (N1), 26.6 points "
+        "(children), more than the margin of "
         "10 points"
     )
     assert (
@@ -344,7 +283,8 @@ def test_a_version_whose_other_seeds_are_no_better_is_held_back() -> None:
     assert result.versions[1].verdict == "better" and result.champion == "base"
     # Differences of -30 and -1: Student's interval of two seeds is -15.5 ± 12.706 * 14.5.
     assert result.gate["adaptive"] == (
-        "held back: over all its seeds, adaptive does not show fewer failures than base (-15.5, -199.7 to +168.7; p = 7.2e-05)"
+        "held back: over all its seeds, adaptive does not show fewer failures than base (-15.5, "
+        "-199.7 to +168.7; p = 7.2e-05)"
     )
     alike = compared(**seeds | {"adaptive-s1": "." * 60})
     assert alike.passes("adaptive") and alike.passes("adaptive-s1")
@@ -422,7 +362,8 @@ def test_groups_are_compared_over_all_seeds() -> None:
     pair = next(
         pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "random")
     )
-    # The error counts for no version. By test, seeds summed: -1, -2, -1, 0 ...: 2 of the 8 sign patterns reach as far.
+    # The error counts for no version. By test, seeds summed: -1, -2, -1, 0 ...: 2 of the 8 sign
+    # patterns reach as far.
     assert (pair.tests, pair.difference.value, pair.p_value) == (7, -2, 0.25)
     assert (pair.difference.low, pair.difference.high) == pytest.approx(
         (-4.594, 0.594), abs=1e-3
@@ -430,7 +371,8 @@ def test_groups_are_compared_over_all_seeds() -> None:
     base = next(
         pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "base")
     )
-    # 5 failures fewer with each seed. The base fails each test with a chance of 2, five times 1 and 1 in 3: 7/3 failures are expected,
+    # 5 failures fewer with each seed. The base fails each test with a chance of 2, five times 1 and
+    # 1 in 3: 7/3 failures are expected,
     # and only 6 and 7 are as far from it as 6.
     assert (base.tests, base.difference.value) == (8, -5)
     assert base.p_value == pytest.approx((2 * 6 * 2 + 1 + 2) / 3**7)
@@ -491,7 +433,7 @@ def test_failures_are_counted_in_the_regions_of_the_base() -> None:
     sequence = HeldOut(
         ("base", "adaptive"),
         LABELS,
-        {("F1star", version): found for version, found in tests.items()},
+        {("F1star", version): rows for version, rows in tests.items()},
     )
     spaces = {"F1star": (ScenarioInfo("F1star", "F1*", "", 100), SMALL)}
     (region,) = base_regions(sequence, spaces, compose("default", []).regions)
@@ -573,7 +515,10 @@ def test_a_fix_that_names_no_test_is_refused_on_reading(tmp_path: Path) -> None:
     write(path, result)
     assert read(path, Comparison) == result and "F1star-00002" in path.read_text()
     path.write_text(path.read_text().replace("F1star-00002", "F1star"))
-    wrong = "versions.1.scenarios.F1star.paired.fixes.2: expected the name of a test, such as F1star-00042, got 'F1star'"
+    wrong = (
+        "versions.1.scenarios.F1star.paired.fixes.2: expected the name of a test, such as "
+        "F1star-00042, got 'F1star'"
+    )
     with pytest.raises(InputError) as caught:
         read(path, Comparison)
     assert str(caught.value) == f"{path} is not a Comparison file: {wrong}; make it again"
@@ -585,7 +530,8 @@ def test_an_unknown_key_of_a_result_is_told_with_the_nearest(tmp_path: Path) -> 
     path.write_text(path.read_text().replace('"regressions"', '"regression"', 1))
     with pytest.raises(
         InputError,
-        match=r"Comparison file: unknown key '.*\.regression'; did you mean 'regressions'\?; make it again",
+        match=r"Comparison file: unknown key '.*\.regression'; did you mean 'regressions'\?; make "
+        r"it again",
     ):
         read(path, Comparison)
     path.write_text("[]")
@@ -609,14 +555,14 @@ def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -
 
 
 def test_tests_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
-    study = FabricatedStudy(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make_analysed()
     campaign = study.config.campaign.model_copy(update={"failure_threshold_s": 0.9})
     study.config = study.config.model_copy(update={"campaign": campaign})
     with pytest.raises(
         InputError,
         match=r"tests\.parquet, test \d+: expected a failure at an adjusted TTC of 0\.9 s or below",
     ):
-        study.analyse()
+        study.run("compare")
 
 
 def test_a_false_activation_does_not_contradict_the_threshold(tmp_path: Path) -> None:
@@ -628,7 +574,8 @@ def test_a_false_activation_does_not_contradict_the_threshold(tmp_path: Path) ->
         ScenarioInfo(scenario, "F1*", "", 1),
     )
     rows = read_tests(path)
-    # Without a collision path: a false activation fails however long the TTC, and false positives alone shorten it without a failure.
+    # Without a collision path: a false activation fails however long the TTC, and false positives
+    # alone shorten it without a failure.
     rows.loc[0, ["failure", "failure_mode", "adj_ttc_s"]] = [True, "false_activation", 2.0]
     rows.loc[1, ["failure", "failure_mode", "adj_ttc_s", "false_positives"]] = [
         False,
@@ -687,10 +634,10 @@ def test_a_sequence_of_another_seed_or_strategy_is_refused(name: str, value: str
 
 
 def test_an_error_is_no_failure_whatever_its_row_says() -> None:
-    found = held_out(table({"base": "ce."}).assign(failure=True, failure_mode="contact")).outcomes(
-        "base"
-    )
-    assert (found.tests, found.failures, int(found.by_ttc.sum())) == (2, 2, 2)
+    outcomes = held_out(
+        table({"base": "ce."}).assign(failure=True, failure_mode="contact")
+    ).outcomes("base")
+    assert (outcomes.tests, outcomes.failures, int(outcomes.by_ttc.sum())) == (2, 2, 2)
 
 
 def test_the_tests_of_a_version_are_read_in_the_order_of_the_sequence(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The evidence for a safety case: its areas where the truth is known, and its numbers against the artefacts."""
+"""The evidence for a safety case: its areas in worlds of known truth, its numbers on artefacts."""
 
 from __future__ import annotations
 
@@ -89,9 +89,22 @@ def world(
         test_id="mixed-0", role="medoid", strategy="mixed", seed=0, adj_ttc_s=0.0, concrete={}
     )
     region = FailureRegion(
-        name="one", cause="box", members=("mixed-0",), modes=Modes(), strategies={}, rule="x <= 2 m", conditions=(FOUND,), support=1,
-        failures_inside=1, precision=1, lift=1, recall=1, held_back=Count(tests=0, failures=0), status=status, representatives=(medoid,),
-    )  # fmt: skip
+        name="one",
+        cause="box",
+        members=("mixed-0",),
+        modes=Modes(),
+        strategies={},
+        rule="x <= 2 m",
+        conditions=(FOUND,),
+        support=1,
+        failures_inside=1,
+        precision=1,
+        lift=1,
+        recall=1,
+        held_back=Count(tests=0, failures=0),
+        status=status,
+        representatives=(medoid,),
+    )
     regions = FailureRegions(
         scenario="S",
         label="S",
@@ -123,18 +136,19 @@ def test_a_share_that_every_draw_has_is_no_certainty() -> None:
 
 
 def test_the_areas_of_a_known_world() -> None:
-    found = scenario_evidence(look(world(random=600, searched=300)))
-    areas, risk = found.areas, found.areas.unknown_unsafe
+    evidence = scenario_evidence(look(world(random=600, searched=300)))
+    areas, risk = evidence.areas, evidence.areas.unknown_unsafe
     assert (
         areas.known_unsafe.share is not None
         and areas.known_unsafe.share.low <= 0.2 <= areas.known_unsafe.share.high
     )
     assert risk.share is not None and risk.share.low <= HIDDEN <= risk.share.high
     assert (
-        found.failure.share is not None
-        and found.failure.share.low <= 0.2 + HIDDEN <= found.failure.share.high
+        evidence.failure.share is not None
+        and evidence.failure.share.low <= 0.2 + HIDDEN <= evidence.failure.share.high
     )
-    # The last category, x >= 9, has passed tests below 9.4, so every combination outside the rule is shown.
+    # The last category, x >= 9, has passed tests below 9.4, so every combination outside the rule
+    # is shown.
     assert areas.known_safe.share is not None and areas.known_safe.share.value == pytest.approx(
         0.8, abs=0.01
     )
@@ -147,7 +161,10 @@ def test_the_areas_of_a_known_world() -> None:
 
 
 def test_the_interval_of_the_unknown_unsafe_area_holds() -> None:
-    """Exact intervals hold at least as often as they say; 60 worlds with 95 % give fewer than 50 once in 10,000 times."""
+    """Exact intervals hold at least as often as their confidence.
+
+    At 95 %, fewer than 50 of 60 intervals hold once in 10,000 times.
+    """
     inside = 0
     for seed in range(60):
         hidden = look(world(random=80, searched=80, seed=seed)).hidden
@@ -177,10 +194,10 @@ def test_each_constraint_stays_as_it_was_written() -> None:
     tested = world(random=60, searched=20)
     clauses = ("if x <= 2 then y >= 6", ("x = 0", "y != 2"))
     outside = (tested.tests["x"] > 3) & (tested.tests["y"] > 5)
-    found = scenario_evidence(
+    evidence = scenario_evidence(
         look(replace(tested, space=Space(SPACE.variables, clauses), tests=tested.tests[outside]))
     )
-    assert found.domain.constraints == ((clauses[0],), clauses[1])
+    assert evidence.domain.constraints == ((clauses[0],), clauses[1])
 
 
 def test_where_no_estimate_is_possible_the_file_says_why() -> None:
@@ -210,7 +227,7 @@ def test_errors_are_in_no_share() -> None:
 
 
 def test_another_exposure_weighs_the_same_tests() -> None:
-    """On this road, x is below 5 in nine of ten encounters: 0.4 of those fail, and 2 * HIDDEN of the others."""
+    """Here x is below 5 in nine of ten encounters; 0.4 of them fail, 2 * HIDDEN of the others."""
     plain = {
         "kind": "histogram",
         "edges": [0, 5, 10],
@@ -218,35 +235,32 @@ def test_another_exposure_weighs_the_same_tests() -> None:
         "source": "made for this test",
     }
     exposure = ExposureFile(description="d", variables={"x": plain})
-    found = scenario_evidence(judged(world(random=2000, searched=300), SECTION, exposure))
+    evidence = scenario_evidence(judged(world(random=2000, searched=300), SECTION, exposure))
     truth = {"failure": 0.9 * 0.4 + 0.1 * 2 * HIDDEN, "hidden": 0.1 * 2 * HIDDEN}
     assert (
-        found.failure.share
-        and found.failure.share.low <= truth["failure"] <= found.failure.share.high
+        evidence.failure.share
+        and evidence.failure.share.low <= truth["failure"] <= evidence.failure.share.high
     )
-    risk, known = found.areas.unknown_unsafe.share, found.areas.known_unsafe.share
+    risk, unsafe = evidence.areas.unknown_unsafe.share, evidence.areas.known_unsafe.share
     assert risk and risk.low <= truth["hidden"] <= risk.high
-    assert known and known.low <= 0.36 <= known.high
+    assert unsafe and unsafe.low <= 0.36 <= unsafe.high
 
 
 def test_all_scenarios_need_shares() -> None:
-    one, exposure = look(world(random=50, searched=50)), read_exposure("uniform")
-    assert whole([one], exposure) is not None and whole([one, one], exposure) is None
+    single, exposure = look(world(random=50, searched=50)), read_exposure("uniform")
+    assert whole([single], exposure) is not None and whole([single, single], exposure) is None
 
 
 def test_shown_share_equals_brute_force() -> None:
     rng = np.random.default_rng(3)
     sizes = (2, 3, 2, 4)
-    seen, asked = (np.column_stack([rng.integers(size, size=n) for size in sizes]) for n in (5, 40))
+    seen, asked = (rng.integers(sizes, size=(count, len(sizes))) for count in (5, 40))
     for k in (1, 2, 3):
-        subsets = list(combinations(range(4), k))
-        known = [{tuple(point[list(subset)]) for point in seen} for subset in subsets]
-        truth = [
-            np.mean(
-                [tuple(point[list(s)]) in cells for s, cells in zip(subsets, known, strict=True)]
-            )
-            for point in asked
-        ]
+        shares = []
+        for subset in map(list, combinations(range(4), k)):
+            cells = {tuple(point[subset]) for point in seen}
+            shares.append([tuple(point[subset]) in cells for point in asked])
+        truth = np.mean(shares, axis=0)
         assert shown_share(sizes, seen, asked, k) == pytest.approx(truth)
     assert shown_share(sizes, seen[:0], asked, 2).max() == 0
 
@@ -271,27 +285,30 @@ def test_a_stored_rule_admits_the_same_points() -> None:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(
+    fabricated = FabricatedStudy(
         tmp_path_factory.mktemp("study"), compose("default", [*OVERRIDES, "search=[F1]"])
     ).make()
-    made.run("cluster", version="base", scenario="F1")
-    made.run("evidence", version="base")
-    return made
+    fabricated.run("cluster", version="base", scenario="F1")
+    fabricated.run("evidence", version="base")
+    return fabricated
 
 
 def test_every_number_equals_its_artefact(study: FabricatedStudy) -> None:
     evidence = read(study.root / "evidence" / "base.json", Evidence)
-    (one,) = evidence.scenarios
+    (scenario,) = evidence.scenarios
     tables = {path: read_tests(path) for path in study.search_tests}
     valid = pd.concat(tables.values()).query("status == 'ok'")
     random = valid[valid["strategy"] == "random"]
-    assert (one.failure.tests, one.failure.failures) == (len(random), int(random["failure"].sum()))
-    assert one.coverage.tests == len(valid)
+    assert (scenario.failure.tests, scenario.failure.failures) == (
+        len(random),
+        int(random["failure"].sum()),
+    )
+    assert scenario.coverage.tests == len(valid)
     regions = read(study.regions[0], FailureRegions)
-    assert [(r.name, r.rule, r.status, r.failures) for r in one.open_regions] == [
+    assert [(r.name, r.rule, r.status, r.failures) for r in scenario.open_regions] == [
         (r.name, r.rule, r.status, len(r.members)) for r in regions.regions
     ]
-    assert one.isolated_failures == len(regions.isolated)
+    assert scenario.isolated_failures == len(regions.isolated)
     assert evidence.model.sha256 == sha256(study.folder / study.files.detector("base"))
     assert (
         evidence.files == {name: sha256(study.folder / name) for name in evidence.files}
@@ -299,19 +316,19 @@ def test_every_number_equals_its_artefact(study: FabricatedStudy) -> None:
     )
     # Fails at night in fog: 55 % of the fog's range, and 22 of 110 degrees of the sun's.
     space = study.config.space("F1").to_dict()
-    assert one.domain.variables == json.loads(json.dumps(space))
-    share = one.areas.known_unsafe.share
+    assert scenario.domain.variables == json.loads(json.dumps(space))
+    share = scenario.areas.known_unsafe.share
     assert share is not None and share.value == pytest.approx(0.11, abs=0.02)
 
 
 def test_the_page_shows_the_same_numbers(study: FabricatedStudy) -> None:
     evidence = read(study.root / "evidence" / "base.json", Evidence)
     page = (study.root / "evidence" / "base.html").read_text()
-    (one,) = evidence.scenarios
+    (scenario,) = evidence.scenarios
     assert evidence.model.sha256 in page and evidence.settings_sha256 in page
-    assert f"{one.failure.failures} of {one.failure.tests} random tests fail" in page
-    assert f"{one.coverage.covered:,} of {one.coverage.required:,}" in page
-    assert all(name in page for name in one.domain.variables)
+    assert f"{scenario.failure.failures} of {scenario.failure.tests} random tests fail" in page
+    assert f"{scenario.coverage.covered:,} of {scenario.coverage.required:,}" in page
+    assert all(name in page for name in scenario.domain.variables)
 
 
 def test_the_file_meets_the_published_schema(study: FabricatedStudy) -> None:

@@ -31,7 +31,7 @@ def rows(study: FabricatedStudy) -> pd.DataFrame:
 
 
 @pytest.fixture(scope="module")
-def made(study: FabricatedStudy, rows: pd.DataFrame) -> Explorer:
+def table(study: FabricatedStudy, rows: pd.DataFrame) -> Explorer:
     regions = [read(path, FailureRegions) for path in study.regions]
     spaces = {
         name: study.config.space(name) for name in (*study.config.search, *study.config.held_out)
@@ -47,13 +47,14 @@ def made(study: FabricatedStudy, rows: pd.DataFrame) -> Explorer:
 
 
 @pytest.fixture(scope="module")
-def shown(made: Explorer) -> dict[str, list[Any]]:
+def shown(table: Explorer) -> dict[str, list[Any]]:
     """Field -> its values, as the browser reads them."""
-    fields = json.loads(gzip.decompress(base64.b64decode(made.data)))["fields"]
-    return {
-        f["name"]: f["numbers"] if "numbers" in f else [f["known"][code] for code in f["codes"]]
-        for f in fields
-    }
+    fields = json.loads(gzip.decompress(base64.b64decode(table.data)))["fields"]
+    values = {}
+    for field in fields:
+        coded = [field["known"][code] for code in field.get("codes", ())]
+        values[field["name"]] = field.get("numbers", coded)
+    return values
 
 
 def test_every_row_is_there_with_its_values(
@@ -89,13 +90,13 @@ def test_people_have_their_attributes_in_every_space(
 
 def test_members_name_their_region(shown: dict[str, list[Any]], study: FabricatedStudy) -> None:
     region = read(study.regions[0], FailureRegions).regions[0]
-    found = zip(shown["test"], shown["region"], shown["scenario"], strict=True)
-    named = {test for test, name, scenario in found if (name, scenario) == (region.name, "F1")}
+    listed = zip(shown["test"], shown["region"], shown["scenario"], strict=True)
+    named = {test for test, name, scenario in listed if (name, scenario) == (region.name, "F1")}
     assert named == set(region.members)
 
 
-def test_failures_get_thumbnails_first(made: Explorer, rows: pd.DataFrame) -> None:
-    thumbnails = json.loads(made.thumbnails)
+def test_failures_get_thumbnails_first(table: Explorer, rows: pd.DataFrame) -> None:
+    thumbnails = json.loads(table.thumbnails)
     assert 0 < len(thumbnails) <= THUMBNAILS
     assert all(address.startswith("data:image/jpeg;base64,") for address in thumbnails.values())
     assert set(thumbnails) <= set(rows["test_id"])

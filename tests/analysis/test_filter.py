@@ -81,7 +81,10 @@ def run(study: FabricatedStudy, overrules: Path) -> pd.DataFrame:
 def test_a_person_overrules(tmp_path: Path) -> None:
     study, path = FabricatedStudy(tmp_path).make(), tmp_path / "overrules.csv"
     path.write_text(
-        "test_id,step,keep\nF1-random-base-0-00001,1,true\nF1-random-base-0-00001,4,no\nF1-mixed-base-0-00001,1,true\n"
+        "test_id,step,keep\n"
+        "F1-random-base-0-00001,1,true\n"
+        "F1-random-base-0-00001,4,no\n"
+        "F1-mixed-base-0-00001,1,true\n"
     )
     table = run(study, path)
     assert len(table) == 4 * 6 * 5
@@ -101,7 +104,8 @@ def test_a_person_overrules(tmp_path: Path) -> None:
     [
         (
             "F1-random-base-0-99999,1,true",
-            "line 2: expected a kept frame of this study, got frame 1 of test 'F1-random-base-0-99999'",
+            "line 2: expected a kept frame of this study, got frame 1 of test "
+            "'F1-random-base-0-99999'",
         ),
         ("F1-randon-base-0-00001,1,true", "line 2: expected a kept frame"),
         ("F1-random-adaptive-r9-s7-0-00001,1,true", "line 2: expected a kept frame"),
@@ -151,7 +155,8 @@ def test_repeated_views_of_an_episode_are_kept_once() -> None:
         (60.0, 10.0, 80.0, 60.0),
         (np.nan,) * 4,
     ]
-    # Episode a: the same frame twice, the pedestrian elsewhere, nobody, another view twice. Episode b: the first view again.
+    # Episode a: the same frame twice, the pedestrian elsewhere, nobody, another view twice. Episode
+    # b: the first view again.
     rows = [
         ("a", 0, 0),
         ("a", 0, 1),
@@ -208,7 +213,8 @@ def test_a_pedestrian_who_has_moved_half_a_box_or_drifts_away_is_seen_anew() -> 
         }
     )
     frames = frames.assign(contrast=50.0, confidence=0.0, visible_top=10.0, visible_bottom=60.0)
-    # Boxes 20 wide: 10 apart is an IoU of a third; then 1 to the right from frame to frame, and 3 are an IoU of 17 / 23.
+    # Boxes 20 wide: 10 apart is an IoU of a third; then 1 to the right from frame to frame, and 3
+    # are an IoU of 17 / 23.
     left = np.array([10.0, 20, 21, 22, 23])
     assert judge(frames.assign(visible_left=left, visible_right=left + 20), SECTION)[
         "kept"

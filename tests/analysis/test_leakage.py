@@ -34,7 +34,7 @@ from pipeline.scenarios.people import fingerprint
 from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
 from tests.analysis.fabricated import FabricatedStudy
-from tests.core.test_model_card import CARD
+from tests.cards import CARD
 from tests.spaces import SMALL
 from tests.studies import ROOT, StudyFolder
 
@@ -53,13 +53,16 @@ def test_frames_of_a_held_out_scenario_are_refused_by_name() -> None:
             "scenario": ["F1", "F1star"],
         }
     )
-    message = "training must not use frames of held-out scenarios: F1star-pairwise-base-0-00003; make the filter tables again"
+    message = (
+        "training must not use frames of held-out scenarios: F1star-pairwise-base-0-00003; make "
+        "the filter tables again"
+    )
     with pytest.raises(InputError, match=f"^{message}$"):
         refuse_frames(("F1star",), chosen, noise(2, 0), noise(2, 1))
 
 
 def test_frames_of_other_campaigns_are_never_drawn(tmp_path: Path) -> None:
-    """A filter table may judge frames of other seeds, and a person may have added a row about a held-out test."""
+    """A filter table may contain frames of other seeds, or a row about a held-out test."""
     study = FabricatedStudy(tmp_path).make()
     table = tmp_path / "random.csv"
     judged = pd.DataFrame(
@@ -92,7 +95,8 @@ def test_an_arm_without_empty_frames_is_named_with_its_counts(tmp_path: Path) ->
     sources: dict[str, Source] = {"random": campaigns(study, "random", tmp_path / "random.csv")}
     with pytest.raises(
         InputError,
-        match=r"^arms: too few frames to train random on \(2 with a pedestrian, 0 without\), and `retrain",
+        match=r"^arms: too few frames to train random on \(2 with a pedestrian, 0 without\), and "
+        r"`retrain",
     ):
         choose(study.config, sources, Version("random", 1), seed=0)
 
@@ -121,7 +125,7 @@ def test_validation_frames_are_refused_by_name() -> None:
 @pytest.mark.parametrize("kind", ["town", "people"])
 def test_held_out_worlds_are_refused_by_name_under_any_config(tmp_path: Path, kind: str) -> None:
     config = compose("default", [])
-    own, unseen = (dict(config.scenarios[name].worlds)[kind] for name in ("F1", "F1star"))
+    allowed, unseen = (dict(config.scenarios[name].worlds)[kind] for name in ("F1", "F1star"))
 
     def files(shown: str, driven: str) -> tuple[list[Path], list[Path]]:
         worlds = {"town": "another town", "people": "other people"}
@@ -139,26 +143,29 @@ def test_held_out_worlds_are_refused_by_name_under_any_config(tmp_path: Path, ki
         write_card(tmp_path / "model.json", CARD.model_copy(update={field: ones}))
         return tmp_path / "model.json"
 
-    refuse_worlds(config, *files("a random one", own))
+    refuse_worlds(config, *files("a random one", allowed))
     with pytest.raises(
         InputError,
-        match=rf"truth\.coco\.json shows the {kind} of held-out F1star, so it must not be used for training",
+        match=rf"truth\.coco\.json shows the {kind} of held-out F1star, so it must not be used "
+        r"for training",
     ):
-        refuse_worlds(config, *files(unseen, own))
+        refuse_worlds(config, *files(unseen, allowed))
     with pytest.raises(
         InputError,
-        match=rf"F1\.json describes the {kind} of held-out F1star, so it must not be used for training",
+        match=rf"F1\.json describes the {kind} of held-out F1star, so it must not be used for "
+        r"training",
     ):
         refuse_worlds(config, *files("a random one", unseen))
-    found = refuse_worlds(config, *files("a random one", own), learnt("a learnt one"))
-    assert [one for what, one in found if what == kind] == sorted(
-        {"a random one", own, "a learnt one"}
+    worlds = refuse_worlds(config, *files("a random one", allowed), learnt("a learnt one"))
+    assert [world for what, world in worlds if what == kind] == sorted(
+        {"a random one", allowed, "a learnt one"}
     )
     with pytest.raises(
         InputError,
-        match=rf"model\.json was trained on the {kind} of held-out F1star, so it must not be used for training",
+        match=rf"model\.json was trained on the {kind} of held-out F1star, so it must not be used "
+        r"for training",
     ):
-        refuse_worlds(config, *files("a random one", own), learnt("a learnt one", unseen))
+        refuse_worlds(config, *files("a random one", allowed), learnt("a learnt one", unseen))
 
 
 @pytest.mark.parametrize("attributes", [{}, {"town": "a town"}, {"people": "some"}])
@@ -184,7 +191,10 @@ def test_a_version_that_has_learnt_a_held_out_world_is_not_compared(
         ScenarioInfo("F1star", "F1*", "", 1, "T", "P"),
     ]
     refuse_learnt([CARD], held_out)
-    message = f"version 'random' was trained on the {kind} of held-out F1star, so its failures there prove nothing"
+    message = (
+        f"version 'random' was trained on the {kind} of held-out F1star, so its failures there "
+        "prove nothing"
+    )
     with pytest.raises(InputError, match=message):
         refuse_learnt([CARD, CARD.model_copy(update=update)], held_out)
 
@@ -218,7 +228,8 @@ def test_a_random_world_of_a_held_out_scenario_is_refused_by_name(kind: str) -> 
     drawn = {"town": town.fingerprint, "people": fingerprint(people)}[kind]
     with pytest.raises(
         InputError,
-        match=rf"base_set\.seed 5 draws the {kind} of held-out F1star for shard 3; choose another seed",
+        match=rf"base_set\.seed 5 draws the {kind} of held-out F1star for shard 3; choose another "
+        r"seed",
     ):
         next(
             random_scenes.scenes(

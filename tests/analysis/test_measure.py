@@ -53,17 +53,17 @@ def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> 
 
 
 def measured(
-    own: Sequence[int], baseline: Sequence[int], errors: Sequence[int] = ()
+    failures: Sequence[int], baseline: Sequence[int], errors: Sequence[int] = ()
 ) -> CampaignMeasures:
     tables = {
         CampaignId("F", "random", "base", 0): rows("random", baseline),
-        CampaignId("F", "forest", "base", 0): rows("forest", own, errors),
+        CampaignId("F", "forest", "base", 0): rows("forest", failures, errors),
     }
     return measure_campaign(CampaignId("F", "forest", "base", 0), tables, {"F": SPACE}, "random")
 
 
 def test_f_and_c_measure_by_hand() -> None:
-    result = measured(own=[1, 2, 5], baseline=[3, 4])
+    result = measured(failures=[1, 2, 5], baseline=[3, 4])
     assert result.theta == (1, 2, 2, 2, 3)
     assert (result.f_measure, result.n, result.f_n) == (1, 2, 2)
     assert result.c_measure == pytest.approx(1 - 2 / 4)
@@ -71,18 +71,18 @@ def test_f_and_c_measure_by_hand() -> None:
 
 
 def test_baseline_without_failure_counts_its_next_test() -> None:
-    result = measured(own=[2], baseline=[])
+    result = measured(failures=[2], baseline=[])
     assert result.c_measure == pytest.approx(1 - 2 / 6)
     assert result.c_measure_assumed
 
 
 def test_c_is_undefined_with_too_few_failures() -> None:
-    result = measured(own=[1], baseline=[1, 2])
+    result = measured(failures=[1], baseline=[1, 2])
     assert (result.c_measure, result.f_n, result.f_measure) == (None, None, 1)
 
 
 def test_errors_use_budget_but_cover_nothing() -> None:
-    result = measured(own=[5], baseline=[5], errors=[1, 2, 3, 4])
+    result = measured(failures=[5], baseline=[5], errors=[1, 2, 3, 4])
     assert (result.tests, result.errors, result.f_measure) == (5, 4, 5)
     # One of the 3 x 2 pairs of categories; each wants three tests.
     assert result.pair_coverage_tests == pytest.approx(1 / 6)
@@ -90,19 +90,19 @@ def test_errors_use_budget_but_cover_nothing() -> None:
 
 
 def test_failures_by_cause_and_false_activations_by_hand() -> None:
-    result = measured(own=[1, 2, 5], baseline=[3])
+    result = measured(failures=[1, 2, 5], baseline=[3])
     assert result.causes == Causes(box=3) and result.causes.total == 3
     # One, two, none, one and two false activations of half a second.
-    found = result.false_activations
+    activations = result.false_activations
     assert (
-        found.tests,
-        found.braking,
-        found.number,
-        found.mean_duration_s,
-        found.mean_speed_loss_mps,
+        activations.tests,
+        activations.braking,
+        activations.number,
+        activations.mean_duration_s,
+        activations.mean_speed_loss_mps,
     ) == (5, 4, 6, 0.5, 2)
     # The second test, with two of them, is an error.
-    assert measured(own=[], baseline=[3], errors=[2]).false_activations.number == 4
+    assert measured(failures=[], baseline=[3], errors=[2]).false_activations.number == 4
     summary = over_seeds(result, result)
     assert summary.causes.box == 6 and (
         summary.false_activations.tests,
@@ -111,7 +111,7 @@ def test_failures_by_cause_and_false_activations_by_hand() -> None:
     none = FalseActivations(tests=3)
     assert none.mean_duration_s is none.mean_speed_loss_mps is None
     assert braking_cells(none) == ("3", "0", "0", "–", "–")
-    assert braking_cells(found) == ("5", "4", "6", "0.50 s", "2.0 m/s (7 km/h)")
+    assert braking_cells(activations) == ("5", "4", "6", "0.50 s", "2.0 m/s (7 km/h)")
 
 
 def test_every_cause_of_a_failure_is_counted_and_named() -> None:
@@ -134,7 +134,8 @@ def test_missing_baseline_and_space_are_named() -> None:
     tables = {CampaignId("F", "forest", "base", 3): rows("forest", [1])}
     with pytest.raises(
         InputError,
-        match="^campaign F-forest-base-3: expected a 'random' campaign of seed 3 beside it, got none$",
+        match="^campaign F-forest-base-3: expected a 'random' campaign of seed 3 beside it, got "
+        "none$",
     ):
         measure_campaign(CampaignId("F", "forest", "base", 3), tables, {"F": SPACE}, "random")
     with pytest.raises(
@@ -148,10 +149,12 @@ def test_summary_over_seeds() -> None:
     first, second = measured([1, 2], [4]), measured([5], [])
     summary = over_seeds(first, second)
     assert (summary.failures, summary.tests, summary.seeds) == (3, 10, (0, 1))
-    # The campaigns' rates, 0.4 and 0.2, in Student's interval: their tests depend on each other. No rate is below 0.
+    # The campaigns' rates, 0.4 and 0.2, in Student's interval: their tests depend on each other. No
+    # rate is below 0.
     assert (summary.rate.value, summary.rate.low, summary.rate.high) == pytest.approx((0.3, 0, 1))
     assert summary.f_measure_censored == 0
-    # Tests until the first failure, 1 and 5: Student's interval of two seeds is 3 ± 25.4, and no F is below 1.
+    # Tests until the first failure, 1 and 5: Student's interval of two seeds is 3 ± 25.4, and no F
+    # is below 1.
     assert (summary.f_measure.value, summary.f_measure.low) == (3, 1)
     assert summary.f_measure.high == pytest.approx(28.412, abs=1e-3)
 
@@ -278,15 +281,17 @@ SPACE_OF_STUDY = Space(
 
 
 def test_a_test_that_ended_in_an_error_covers_no_pair() -> None:
-    own = rows("forest", [2], errors=[1]).assign(
+    tests = rows("forest", [2], errors=[1]).assign(
         fog=[100.0, 0, 0, 0, 0], gait=["run", *["walk"] * 4]
     )
     tables = {
         CampaignId("F", "random", "base", 0): rows("random", [3]),
-        CampaignId("F", "forest", "base", 0): own,
+        CampaignId("F", "forest", "base", 0): tests,
     }
-    found = measure_campaign(CampaignId("F", "forest", "base", 0), tables, {"F": SPACE}, "random")
-    assert found.pair_coverage_tests == found.pair_coverage_failures == pytest.approx(1 / 6)
+    measures = measure_campaign(
+        CampaignId("F", "forest", "base", 0), tables, {"F": SPACE}, "random"
+    )
+    assert measures.pair_coverage_tests == measures.pair_coverage_failures == pytest.approx(1 / 6)
 
 
 def test_an_error_is_in_no_rate_of_a_strategy() -> None:
@@ -305,12 +310,13 @@ def test_only_independent_tests_have_the_exact_interval_whichever_is_the_baselin
 
 
 def test_the_interval_of_the_saved_tests_contains_their_mean() -> None:
-    found = over_seeds(measured([1], [4]), measured([3], [4])).c_measure
-    # A quarter and three quarters of the tests are needed: 0.5 ± 12.706 * 0.25, and no cost is below 0.
+    saved = over_seeds(measured([1], [4]), measured([3], [4])).c_measure
+    # A quarter and three quarters of the tests are needed: 0.5 ± 12.706 * 0.25, and no cost is
+    # below 0.
     assert (
-        found is not None
-        and (found.value, found.high) == (0.5, 1)
-        and found.low == pytest.approx(0.5 - 3.1766, abs=1e-3)
+        saved is not None
+        and (saved.value, saved.high) == (0.5, 1)
+        and saved.low == pytest.approx(0.5 - 3.1766, abs=1e-3)
     )
 
 

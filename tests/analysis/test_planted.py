@@ -25,15 +25,11 @@ from tests.analysis.fabricated import FabricatedStudy, make_tests
 def test_the_group_that_was_rare_is_counted_in_the_searches_and_in_the_held_out_tests(
     tmp_path: Path,
 ) -> None:
-    study = FabricatedStudy(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make_analysed()
     card = read_card(study.cards[0])
-    write_card(
-        study.cards[0],
-        card.model_copy(
-            update={"training": {**card.training, "rare_children": 0.15, "rare_crouching": 1.0}}
-        ),
-    )
-    study.analyse()
+    training = {**card.training, "rare_children": 0.15, "rare_crouching": 1.0}
+    write_card(study.cards[0], card.model_copy(update={"training": training}))
+    study.run("compare")
     comparison = read(study.root / "comparison.json", Comparison)
     (planted,) = comparison.planted
     assert (planted.group, planted.frequency) == ("children", 0.15)
@@ -103,8 +99,8 @@ def test_a_rule_names_the_group_that_all_of_its_tests_belong_to() -> None:
         failure_mode=np.where(failed, "contact", "none"),
         cause=np.where(failed, "box", "none"),
     )
-    found = cluster(ScenarioInfo("F1", "F1", "", 100), space, tests, config.regions)
-    assert found.regions and all(
-        "animation = crouching" in region.groups for region in found.regions
+    clustered = cluster(ScenarioInfo("F1", "F1", "", 100), space, tests, config.regions)
+    assert clustered.regions and all(
+        "animation = crouching" in region.groups for region in clustered.regions
     )
-    assert not any("children" in region.groups for region in found.regions)
+    assert not any("children" in region.groups for region in clustered.regions)

@@ -57,7 +57,8 @@ def repair(change: str, repaired: int, variables: int = 1) -> Repair:
                 "pedestrian_speed <= 0.75 m/s",
                 "rain - fog in [-12, 12] %",
             ),
-            "People with sun altitude from -1 to 2 deg, pedestrian speed of at most 0.75 m/s and rain - fog from -12 to 12 %",
+            "People with sun altitude from -1 to 2 deg, pedestrian speed of at most 0.75 m/s and "
+            "rain - fog from -12 to 12 %",
         ),
         (
             ("crouching", "under an umbrella", "hat = 0"),
@@ -102,16 +103,18 @@ def test_the_whole_text() -> None:
         repair("no fog", 1),
         repair("clear weather by day", 14, 4),
     ]
-    said = sentence(conditions("child"), SEEN, repairs, repair("other noise", 1, 0))
-    assert said == (
-        "Children are first detected 0.6 s after they come into sight, 9 m before the conflict point. "
-        "Medians of 20 failures; 2 are never detected. Repairs: a taller person (M 12) 14 of 20, no rain 3 of 20, other noise 1 of 20."
+    text = sentence(conditions("child"), SEEN, repairs, repair("other noise", 1, 0))
+    assert text == (
+        "Children are first detected 0.6 s after they come into sight, 9 m before the conflict "
+        "point. "
+        "Medians of 20 failures; 2 are never detected. Repairs: a taller person (M 12) 14 of 20, "
+        "no rain 3 of 20, other noise 1 of 20."
     )
 
 
 def test_clear_weather_is_named_if_it_repairs_more_than_any_part() -> None:
-    said = sentence([], SEEN, [repair("no rain", 3), repair("clear weather by day", 12, 4)], None)
-    assert said.endswith(". Repairs: no rain 3 of 20, clear weather by day 12 of 20.")
+    text = sentence([], SEEN, [repair("no rain", 3), repair("clear weather by day", 12, 4)], None)
+    assert text.endswith(". Repairs: no rain 3 of 20, clear weather by day 12 of 20.")
 
 
 def test_nothing_repairs() -> None:

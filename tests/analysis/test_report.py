@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -164,11 +165,11 @@ def test_plots_are_written(study: FabricatedStudy, page: str) -> None:
 
 
 def test_replays_are_shared_among_regions(study: FabricatedStudy) -> None:
-    found = [read(path, FailureRegions) for path in study.regions]
-    chosen = choose_regions(found, "base", 4)
+    scenarios = [read(path, FailureRegions) for path in study.regions]
+    chosen = choose_regions(scenarios, "base", 4)
     assert [test.scenario for test in chosen] == ["F1", "F2", "F1", "F2"]
-    assert "most typical" in chosen[0].reason and chosen[0].region == found[0].regions[0].name
-    assert choose_regions(found, "base", 0) == []
+    assert "most typical" in chosen[0].reason and chosen[0].region == scenarios[0].regions[0].name
+    assert choose_regions(scenarios, "base", 0) == []
 
 
 def test_a_regression_of_the_champion_is_shown_with_both_versions(study: FabricatedStudy) -> None:
@@ -268,7 +269,8 @@ def test_first_screen_shows_a_person_a_place_and_both_films(
         fix.after.test_id
     )
     assert re.search(
-        rf"<strong>An? {fix.before.concrete['animation']} (child|adult)[^.]*\. F1\*: Suburban street with a bus station",
+        rf"<strong>An? {fix.before.concrete['animation']} (child|adult)[^.]*\. F1\*: Suburban "
+        r"street with a bus station",
         first,
     )
     assert f"fog {fix.before.concrete['fog']:.3g} %" in first
@@ -339,17 +341,17 @@ def test_heat_maps_count_the_pairs_that_tests_and_failures_show(
     )
     rows = rows[rows["status"] == "ok"]
     points, failed = encode_tests(rows, space), rows["failure"].to_numpy()
-    found = pair_shares(space, points, failed)
+    shares = pair_shares(space, points, failed)
     categories = space.categorise(points)
-    assert len(found) == len(space) * (len(space) - 1) // 2
-    for one in found:
-        columns = [space.names.index(one.first), space.names.index(one.second)]
-        assert one.tests == len({tuple(row) for row in categories[:, columns]})
-        assert one.failures == len({tuple(row) for row in categories[failed][:, columns]})
-    assert sum(one.tests for one in found) / sum(one.feasible for one in found) == pytest.approx(
-        pair_coverage(space, points)
-    )
-    shown = next(share for share in found if (share.first, share.second) == ("rain", "fog"))
+    assert len(shares) == len(space) * (len(space) - 1) // 2
+    for pair in shares:
+        columns = [space.names.index(pair.first), space.names.index(pair.second)]
+        assert pair.tests == len({tuple(row) for row in categories[:, columns]})
+        assert pair.failures == len({tuple(row) for row in categories[failed][:, columns]})
+    assert sum(pair.tests for pair in shares) / sum(
+        pair.feasible for pair in shares
+    ) == pytest.approx(pair_coverage(space, points))
+    shown = next(share for share in shares if (share.first, share.second) == ("rain", "fog"))
     assert f"{shown.tests} = {100 * shown.tests / shown.feasible:.1f} %" in page
 
 
@@ -377,7 +379,7 @@ def test_theta_is_told_in_numbers(study: FabricatedStudy, page: str) -> None:
         page.partition("Failures found after each quarter")[2].partition("</table>")[0],
     )
     row = cells.index("mixed") + 1
-    means = [np.mean([curve[at - 1] for curve in curves]) for at in (15, 30, 45, 60)]
+    means = np.mean(curves, axis=0)[[14, 29, 44, 59]]
     assert cells[row : row + 5] == ["60", *(f"{mean:.1f}".removesuffix(".0") for mean in means)]
 
 
@@ -406,12 +408,13 @@ def test_a_study_whose_versions_learn_from_no_test_has_no_border_cases() -> None
 
 
 def test_not_solvable_failures_are_counted(study: FabricatedStudy, page: str) -> None:
-    found = [read(path, FailureRegions) for path in study.regions]
-    assert all(int(test[-5:]) % 2 == 1 for regions in found for test in regions.not_solvable)
+    scenarios = [read(path, FailureRegions) for path in study.regions]
+    assert all(int(test[-5:]) % 2 == 1 for regions in scenarios for test in regions.not_solvable)
     assert all(
-        f"Not solvable with this camera: {len(regions.not_solvable)}." in page for regions in found
+        f"Not solvable with this camera: {len(regions.not_solvable)}." in page
+        for regions in scenarios
     )
-    assert any(regions.not_solvable for regions in found)
+    assert any(regions.not_solvable for regions in scenarios)
 
 
 def seeds_of_two(comparison: Comparison) -> Comparison:
@@ -444,7 +447,8 @@ def test_headline_compares_groups_and_names_significant_differences(study: Fabri
     base, *others = comparison.versions
     text = headline(comparison)
     assert text.startswith(
-        f"On the held-out scenario F1*, base fails {base.failures} of {base.tests} tests. Base failure rate (base"
+        f"On the held-out scenario F1*, base fails {base.failures} of {base.tests} tests. Base "
+        "failure rate (base"
     )
     better = [
         f"{result.version} {result.failures}" for result in others if result.verdict == "better"
@@ -475,10 +479,9 @@ def test_histogram_counts_each_test_once_however_many_seeds(study: FabricatedStu
         "random",
         "adaptive",
     ]
-    heights = [
-        sum(patch.get_height() for bars in axis.containers for patch in bars)
-        for axis in figure.axes
-    ]
+    heights = []
+    for axis in figure.axes:
+        heights.append(sum(patch.get_height() for patch in chain(*axis.containers)))
     assert heights == pytest.approx([comparison.versions[0].tests] * 3)
 
 
@@ -541,12 +544,12 @@ def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
         version="base",
         measures=measures,
         regions=regions,
-        known={
-            found.scenario: (
-                ScenarioInfo(found.scenario, found.label, "", 1),
-                study.config.space(found.scenario),
+        scenarios={
+            of_scenario.scenario: (
+                ScenarioInfo(of_scenario.scenario, of_scenario.label, "", 1),
+                study.config.space(of_scenario.scenario),
             )
-            for found in regions
+            for of_scenario in regions
         },
         rows=rows,
         learnt=rows,
@@ -558,11 +561,11 @@ def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
     assert set(figures) == {"theta", "coverage"} | {
         f"{kind}_{name}" for kind in ("kpi", "pairs", "failures") for name in ("F1", "F2")
     }
-    own = study.config.scenarios["F1star"]
-    other = own.model_copy(
+    held_out = study.config.scenarios["F1star"]
+    other = held_out.model_copy(
         update={
             "space": {
-                **own.space,
+                **held_out.space,
                 "mud": {"kind": "continuous", "unit": "%", "low": 0, "high": 100, "cuts": [50]},
             }
         }
@@ -599,20 +602,21 @@ def test_a_detector_that_fails_every_test_is_said_to(study: FabricatedStudy) -> 
     )
     drawing = Drawing("<svg/>", "")
     texts = [
-        sections.regions_section([found], [], {some.scenario: drawing}, {some.scenario: ()})
+        sections.regions_section([shown], [], {some.scenario: drawing}, {some.scenario: ()})
         .parts[0]
         .text
-        for found in (every, some)
+        for shown in (every, some)
     ]
     assert texts[0].startswith("Every test fails. ") and "Every test" not in texts[1]
 
 
 def sentences() -> list[str]:
     """Every sentence of the report's prose."""
-    prose = [
-        text for name, text in vars(texts).items() if name.isupper() and isinstance(text, str)
-    ] + list(texts.FIGURES.values())
-    return [sentence for text in prose for sentence in re.split(r"(?<=[.!?]) ", text)]
+    prose = list(texts.FIGURES.values())
+    for name, text in vars(texts).items():
+        if name.isupper() and isinstance(text, str):
+            prose.append(text)
+    return re.split(r"(?<=[.!?]) ", " ".join(prose))
 
 
 def test_no_sentence_is_long() -> None:

@@ -52,7 +52,8 @@ def test_a_share_is_empty_and_both_sources_have_enough_frames() -> None:
 def test_unsure_and_missed_frames_are_drawn_more_often() -> None:
     everything = dict.fromkeys(TESTS["test_id"], "")
     unsure = selection.draw(selection.pool(ROWS, everything, SCENARIOS, "unsure"), 40, 0.25, seed=0)
-    # Of the 30 frames with a pedestrian: step 2 has confidence 0.5 (weight 1.05), step 4 0.99 (weight 0.09).
+    # Of the 30 frames with a pedestrian: step 2 has confidence 0.5 (weight 1.05), step 4 0.99
+    # (weight 0.09).
     assert (unsure["step"] == 0).sum() == 10 and (unsure["step"] == 2).sum() > 22
     rows = ROWS.assign(confidence=ROWS["step"].map({0: 0.0, 2: 0.0, 4: 0.5, 6: 0.0}))
     missed = selection.pool(rows, everything, SCENARIOS, "missed").groupby("step")["weight"].first()
@@ -92,20 +93,28 @@ def test_regions_are_groups_and_failures_outside_are_another() -> None:
     rows = pd.DataFrame([SMALL.decode(point) for point in points])
     failed = (np.arange(300) < 40) | (np.arange(300) % 60 == 59)
     tests = rows.assign(
-        test_id=[f"F-a-base-0-{i:05d}" for i in range(300)], status="ok", failure=failed, scenario="F", strategy="a", seed=0,
-        failure_mode=np.where(failed, "contact", "none"), cause="box", adj_ttc_s=np.where(failed, 0.0, 1.0), impact_speed_mps=0.0,
-    )  # fmt: skip
+        test_id=[f"F-a-base-0-{i:05d}" for i in range(300)],
+        status="ok",
+        failure=failed,
+        scenario="F",
+        strategy="a",
+        seed=0,
+        failure_mode=np.where(failed, "contact", "none"),
+        cause="box",
+        adj_ttc_s=np.where(failed, 0.0, 1.0),
+        impact_speed_mps=0.0,
+    )
     assert concrete(tests.iloc[0], SMALL) == SMALL.decode(centre)
     info = ScenarioInfo("F", "F", "", 100)
-    found = selection.groups(
+    region_of = selection.groups(
         "regions",
         tests,
         {"F": (info, SMALL)},
         Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0),
     )
-    assert len(found) == failed.sum()
-    assert {found[f"F-a-base-0-{i:05d}"] for i in range(40)} == {"F region 1"}
-    assert "F, isolated" in found.values()
+    assert len(region_of) == failed.sum()
+    assert {region_of[f"F-a-base-0-{i:05d}"] for i in range(40)} == {"F region 1"}
+    assert "F, isolated" in region_of.values()
 
 
 def test_the_share_of_empty_frames_is_rounded_to_the_nearest_number() -> None:

@@ -35,9 +35,9 @@ def run(study: FabricatedStudy, drawn: bytes = b"a plot") -> None:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
-    run(made)
-    return made
+    fabricated = FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
+    run(fabricated)
+    return fabricated
 
 
 def client(study: FabricatedStudy) -> Any:
@@ -256,9 +256,17 @@ def test_an_interrupted_run_is_logged_to_its_end(
     file.write_text("a")
     picture.write_bytes(b"b")
     content = Content(
-        "one", "campaign", {"k": "2"}, {"failures": 3.0}, {"theta": [(1, 0.0), (2, 1.0)]}, {"strategy": "random"}, [file],
-        [DataSet("tests", "d" * 64, "tests.parquet", "testing")], [picture], {"p_value": 0.5},
-    )  # fmt: skip
+        name="one",
+        kind="campaign",
+        params={"k": "2"},
+        metrics={"failures": 3.0},
+        series={"theta": [(1, 0.0), (2, 1.0)]},
+        tags={"strategy": "random"},
+        files=[file],
+        data=[DataSet("tests", "d" * 64, "tests.parquet", "testing")],
+        pictures=[picture],
+        results={"p_value": 0.5},
+    )
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
     for method in ("log_batch", "log_inputs", "log_artifact", "set_tag", "set_terminated"):
         with monkeypatch.context() as patch:
@@ -278,7 +286,7 @@ def test_an_interrupted_run_is_logged_to_its_end(
         "p_value": 1,
     }
     assert len(run.inputs.dataset_inputs) == 1
-    assert {found.path for found in tracker.client.list_artifacts(run_id)} == {
+    assert {artifact.path for artifact in tracker.client.list_artifacts(run_id)} == {
         "table.csv",
         "plot.png",
     }
@@ -374,15 +382,12 @@ def test_the_campaigns_of_a_version_name_it(study: FabricatedStudy) -> None:
         version: store.get_model_version_by_alias("detector", f"default-{version}").version
         for version in VERSIONS
     }
-    found = {
-        version: [
-            run.info.run_name
-            for run in store.search_runs([experiment], f"tags.model_version = 'detector/{number}'")
-        ]
-        for version, number in numbers.items()
-    }
-    assert found["adaptive"] == ["default/F1star/pairwise/adaptive/0"]
-    assert len(found["base"]) == 8 + 1
+    runs_of = {}
+    for version, number in numbers.items():
+        runs = store.search_runs([experiment], f"tags.model_version = 'detector/{number}'")
+        runs_of[version] = [run.info.run_name for run in runs]
+    assert runs_of["adaptive"] == ["default/F1star/pairwise/adaptive/0"]
+    assert len(runs_of["base"]) == 8 + 1
 
 
 def test_descriptions_are_the_verdict_table(study: FabricatedStudy) -> None:
@@ -410,12 +415,12 @@ def test_a_registered_version_loads_and_detects_in_images_of_any_size(
 
     source = client(study).get_model_version_by_alias("detector", "default-random").source
     model = mlflow.pyfunc.load_model(source)
-    found = model.predict(np.zeros((2, 192, 320, 3), np.uint8))
-    assert list(found.columns) == ["image", "left", "top", "right", "bottom", "score"]
-    assert found["image"].tolist() == [0, 1] and found["score"].tolist() == pytest.approx(
+    boxes = model.predict(np.zeros((2, 192, 320, 3), np.uint8))
+    assert list(boxes.columns) == ["image", "left", "top", "right", "bottom", "score"]
+    assert boxes["image"].tolist() == [0, 1] and boxes["score"].tolist() == pytest.approx(
         [0.2, 0.2]
     )
-    assert found.iloc[0, 1:5].tolist() == [150, 80, 170, 120]
+    assert boxes.iloc[0, 1:5].tolist() == [150, 80, 170, 120]
     # Twice the width and three times the height: scaled by a third, padded at the left and right.
     assert model.predict(np.zeros((1, 576, 640, 3), np.uint8)).iloc[
         0, 1:5
@@ -451,7 +456,7 @@ def test_a_served_detector_drops_boxes_in_the_border_as_a_tested_one_does() -> N
 
     class Session:
         def run(self, *_: object) -> list[np.ndarray]:
-            """Two boxes in an image of 320x192 pixels, the first in the border above one of 320x120."""
+            """Two boxes in 320x192 pixels, the first in the border above an image of 320x120."""
             return [
                 np.array([[[10, 0, 40, 20], [10, 60, 40, 120]]], np.float32),
                 np.array([[0.9, 0.8]], np.float32),
@@ -459,8 +464,8 @@ def test_a_served_detector_drops_boxes_in_the_border_as_a_tested_one_does() -> N
 
     served = ServedDetector()
     served._session, served._width, served._height = Session(), 320, 192
-    found = list(served._found(np.zeros((120, 320, 3), np.uint8), 0.1, 0.45))
-    assert [(*box.tolist(), float(score)) for box, score in found] == [
+    detections = list(served._detect(np.zeros((120, 320, 3), np.uint8), 0.1, 0.45))
+    assert [(*box.tolist(), float(score)) for box, score in detections] == [
         pytest.approx((10, 24, 40, 84, 0.8))
     ]
 
@@ -519,10 +524,10 @@ def test_a_store_that_refuses_in_the_middle_is_named(
     def refuse(*_: Any, **__: Any) -> None:
         raise MlflowException("the disk of the server is full")
 
-    made = FabricatedStudy(tmp_path).make_analysed()
+    fabricated = FabricatedStudy(tmp_path).make_analysed()
     monkeypatch.setattr(MlflowClient, method, refuse)
     with pytest.raises(
         InputError,
         match=r"MLflow at data/mlflow/mlflow\.db cannot be used: the disk of the server is full",
     ):
-        run(made)
+        run(fabricated)

@@ -161,23 +161,23 @@ def at_second_iou(difference: float, p_value: float) -> Comparison:
 
 
 @pytest.mark.parametrize(
-    ("difference", "p_value", "found"), [(-7, 0.02, True), (-7, 0.2, False), (7, 0.02, False)]
+    ("difference", "p_value", "holds"), [(-7, 0.02, True), (-7, 0.2, False), (7, 0.02, False)]
 )
 def test_a_difference_holds_at_the_second_iou_if_it_is_shown_there_with_the_same_sign(
-    difference: float, p_value: float, found: bool
+    difference: float, p_value: float, holds: bool
 ) -> None:
     compared = at_second_iou(difference, p_value)
     text = " ".join(verdict_sentences(compared))
     assert "Failures at an IoU of 0.3 instead of 0.5: base 12, adaptive 5." in text
-    assert f"Differences shown at 0.5 that are shown at 0.3, too: {int(found)} of 1." in text
-    assert (f"Not shown at 0.3: adaptive from base (p = {p_value})." in text) != found
+    assert f"Differences shown at 0.5 that are shown at 0.3, too: {int(holds)} of 1." in text
+    assert (f"Not shown at 0.3: adaptive from base (p = {p_value})." in text) != holds
     assert (
         "The differences shown at an IoU of 0.5 are shown at 0.3, too." in headline(compared)
-    ) == found
+    ) == holds
     assert (
         "The differences shown at an IoU of 0.5 are not shown at 0.3 for adaptive."
         in headline(compared)
-    ) != found
+    ) != holds
 
 
 def test_a_difference_without_a_spread_has_no_interval() -> None:
@@ -236,9 +236,8 @@ def test_detectors_that_were_not_retrained_have_no_seeds_of_retraining() -> None
 def test_first_line_names_the_scenario_and_last_the_next_step() -> None:
     lines = verdict_table(comparison(), Path("data/default/report.html")).splitlines()
     assert lines[0] == "Held out: F1*; the same tests for every version"
-    assert (
-        lines[-1]
-        == "Next: open data/default/report.html in a browser; ./run ui compares the versions in MLflow"
+    assert lines[-1] == (
+        "Next: open data/default/report.html in a browser; ./run ui compares the versions in MLflow"
     )
 
 
@@ -329,8 +328,8 @@ def test_a_difference_within_the_variation_of_seeds_is_not_shown() -> None:
     pairs = tuple(
         pair.model_copy(update={"difference": wide.difference}) for pair in single.group_pairs
     )
-    told = verdict_sentences(single.model_copy(update={"group_pairs": pairs}))[1]
-    assert told.endswith(
+    sentence = verdict_sentences(single.model_copy(update={"group_pairs": pairs}))[1]
+    assert sentence.endswith(
         "seeds summed; no difference is shown, because the interval over the seeds includes 0."
     )
 
@@ -338,7 +337,10 @@ def test_a_difference_within_the_variation_of_seeds_is_not_shown() -> None:
 def test_the_best_of_several_is_reported_as_chosen_on_these_tests() -> None:
     single = comparison()
     both = single.model_copy(update={"passing": ("random", "adaptive")})
-    chosen = "adaptive is the best of 2 versions that pass, chosen on these tests: expect more failures on new tests."
+    chosen = (
+        "adaptive is the best of 2 versions that pass, chosen on these tests: expect more "
+        "failures on new tests."
+    )
     assert verdict_sentences(both)[1] == chosen
     assert chosen not in verdict_sentences(single)
 
@@ -346,7 +348,8 @@ def test_the_best_of_several_is_reported_as_chosen_on_these_tests() -> None:
 def test_errors_are_reported_only_if_there_are_some() -> None:
     assert len(verdict_sentences(comparison(against_random=False))) == 4
     assert verdict_sentences(comparison(errors=3))[-1] == (
-        "Tests that ended in an error do not count: 3 of random. Failures by scenario leave them out for every version."
+        "Tests that ended in an error do not count: 3 of random. Failures by scenario leave them "
+        "out for every version."
     )
 
 
@@ -366,7 +369,10 @@ def test_of_many_base_failure_rates_the_lowest_and_the_highest_are_told() -> Non
         )
         for n in (2, 3, 1, 6)
     ]
-    text = "Base failure rate (base, random tests): from F1 1 / 60 = 1.7 % (1.0 to 20.0) to F6 6 / 60 = 10.0 % (1.0 to 20.0), in 4 scenarios."
+    text = (
+        "Base failure rate (base, random tests): from F1 1 / 60 = 1.7 % (1.0 to 20.0) to F6 6 / "
+        "60 = 10.0 % (1.0 to 20.0), in 4 scenarios."
+    )
     assert base_rate_sentence(rates) == text
     assert "F2 2 / 60 = 3.3 %" in base_rate_sentence(
         rates[:3]
@@ -382,24 +388,25 @@ def test_the_verdict_says_the_base_failure_rate_and_which_base_it_stands_on() ->
         failures=40,
         rate=Estimate(value=0.025, low=0.0184, high=0.0339),
     )
-    told = comparison().model_copy(
+    described = comparison().model_copy(
         update={"base_rates": (rate,), "trained_on": RARE, "base_set": EVEN}
     )
-    assert verdict_sentences(told)[:2] == [
+    assert verdict_sentences(described)[:2] == [
         "Base failure rate (base, random tests): F1 40 / 1,600 = 2.5 % (1.8 to 3.4).",
-        "base was trained on a long-tailed base set (children 0.15 and crouching people 0.15 times as frequent as others); "
+        "base was trained on a long-tailed base set (children 0.15 and crouching people 0.15 "
+        "times as frequent as others); "
         "this study's base set is a uniform base set (all people and poses equally frequent).",
     ]
-    alike = verdict_sentences(told.model_copy(update={"base_set": RARE}))[1]
+    alike = verdict_sentences(described.model_copy(update={"base_set": RARE}))[1]
     assert alike.endswith(
         "times as frequent as others); this study's base set is of the same kind."
     )
-    assert verdict_rows(told)[0][-1] == "baseline, long-tailed base set"
+    assert verdict_rows(described)[0][-1] == "baseline, long-tailed base set"
     assert (
-        verdict_rows(told.model_copy(update={"trained_on": EVEN}))[0][-1]
+        verdict_rows(described.model_copy(update={"trained_on": EVEN}))[0][-1]
         == "baseline, uniform base set"
     )
-    unknown = told.model_copy(update={"trained_on": None})
+    unknown = described.model_copy(update={"trained_on": None})
     assert verdict_rows(unknown)[0][-1] == "baseline, unknown base set"
     assert (
         "base was trained on an unknown base set: its card does not say"

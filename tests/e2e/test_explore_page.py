@@ -1,4 +1,4 @@
-"""The report under `explore` in a real headless Chromium: a click on a test without a film makes one, and it plays."""
+"""The report under `explore` in a real headless Chromium: a click on a test makes its film."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from pipeline.config.composing import CONF, dump
 from tests.analysis.fabricated import FabricatedStudy
-from tests.browser import browser_page
+from tests.browser import new_page, open_browser
 
 SLOW_MS = 120_000
 """A film takes seconds, but this machine may be busy."""
@@ -22,15 +22,16 @@ SLOW_MS = 120_000
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make()
-    (made.folder / "params.yaml").write_text(dump(made.config, "test"))
-    # This campaign is really executed, so that its tests end as recorded; the others are fabricated.
-    made.run(
+    fabricated = FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
+    section = fabricated.config.report.model_copy(update={"replays": 0})
+    fabricated.config = fabricated.config.model_copy(update={"report": section})
+    (fabricated.folder / "params.yaml").write_text(dump(fabricated.config, "test"))
+    # This campaign is really executed, so its tests end as recorded; the others are fabricated.
+    fabricated.run(
         "campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed="0"
     )
-    made.analyse()
-    made.run("report")
-    return made
+    fabricated.run("report")
+    return fabricated
 
 
 @pytest.fixture(scope="module")
@@ -47,29 +48,33 @@ def address(study: FabricatedStudy) -> Iterator[str]:
         text=True,
     ) as server:
         assert server.stdout is not None
-        said = server.stdout.readline()
-        yield said.split(" is at ")[1].split()[0]
+        line = server.stdout.readline()
+        yield line.split(" is at ")[1].split()[0]
         server.send_signal(signal.SIGINT)
-        _, told = server.communicate(timeout=30)
-        assert (server.returncode, told) == (130, "blindspot explore: stopped\n")
+        _, errors = server.communicate(timeout=30)
+        assert (server.returncode, errors) == (130, "blindspot explore: stopped\n")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with open_browser() as opened:
+        yield opened
 
 
 @pytest.fixture
-def page(address: str) -> Iterator[Page]:
-    """The served report, which must not complain or ask anybody else."""
-    said: list[str] = []
-    with browser_page(1600, 1000) as opened:
-        opened.on("console", lambda message: said.append(message.text))
-        opened.on("pageerror", lambda error: said.append(str(error)))
-        ours = (address, f"blob:{address}", "data:")
-        opened.on(
-            "request",
-            lambda request: None if request.url.startswith(ours) else said.append(request.url),
-        )
+def page(browser: Browser, address: str) -> Iterator[Page]:
+    """The served report, which must print no error and load nothing from elsewhere."""
+    complaints: list[str] = []
+    addresses: list[str] = []
+    with new_page(browser, 1600, 1000) as opened:
+        opened.on("console", lambda message: complaints.append(message.text))
+        opened.on("pageerror", lambda error: complaints.append(str(error)))
+        opened.on("request", lambda request: addresses.append(request.url))
         opened.goto(address)
         opened.wait_for_selector("#explorer[data-ready]")
         yield opened
-    assert said == []
+    served = (address, f"blob:{address}", "data:")
+    assert [*complaints, *(url for url in addresses if not url.startswith(served))] == []
 
 
 def choose(page: Page, test: str) -> None:

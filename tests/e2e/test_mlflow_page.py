@@ -19,7 +19,7 @@ from playwright.sync_api import Page, expect
 
 from pipeline.tracking.registry import Registration, Registry
 from pipeline.tracking.runs import Content, Tracker
-from tests.browser import browser_page
+from tests.browser import new_page, open_browser
 
 SHOTS = Path("data/test-artefacts")
 FAILURES = {"base": 21, "control": 20, "random": 11, "adaptive": 6}
@@ -54,16 +54,8 @@ def address(tmp_path: Path) -> Iterator[str]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [
-        sys.executable,
-        "-m",
-        "mlflow",
-        "ui",
-        "--backend-store-uri",
-        f"sqlite:///{store}",
-        "--workers",
-        "1",
-    ]
+    command = [sys.executable, "-m", "mlflow", "ui"]
+    command += ["--backend-store-uri", f"sqlite:///{store}", "--workers", "1"]
     environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
     with (tmp_path / "server.log").open("wb") as log:
         server = subprocess.Popen(
@@ -134,7 +126,7 @@ def read_description(page: Page, address: str) -> None:
 
 def test_versions_compare_in_the_browser(address: str) -> None:
     SHOTS.mkdir(parents=True, exist_ok=True)
-    with browser_page(1700, 1300) as page:
+    with open_browser() as browser, new_page(browser, 1700, 1300) as page:
         page.set_default_timeout(60_000)
         expect.set_options(timeout=60_000)
         try:

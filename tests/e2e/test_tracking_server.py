@@ -1,4 +1,4 @@
-"""Tracking through a real `mlflow server`, with a PostgreSQL store if the machine has one, else SQLite."""
+"""Tracking through a real `mlflow server` with a PostgreSQL store, or SQLite without PostgreSQL."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.error import URLError
 
 import pytest
@@ -30,24 +31,25 @@ def free_port() -> int:
 
 
 @contextmanager
-def postgresql(folder: Path) -> Iterator[str]:
-    """A separate database server, run as the user postgres if the tests run as root, which PostgreSQL refuses."""
-    user = (
-        ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"]
-        if os.getuid() == 0
-        else []
-    )
-    data = folder / "postgresql"
-    data.mkdir()
-    if user:
-        for path in (
-            data,
-            *list(folder.parents)[:3],
-            folder,
-        ):  # With pytest-xdist, there is one more.
-            path.chmod(0o755)
-        os.chown(data, pwd.getpwnam("postgres").pw_uid, pwd.getpwnam("postgres").pw_gid)
-    data.chmod(0o700)
+def postgresql() -> Iterator[str]:
+    """A separate database server; as the user postgres if the tests run as root."""
+    user = []
+    if os.getuid() == 0:
+        user = ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"]
+    # Not in pytest's folder, which every start of pytest closes to other users.
+    with TemporaryDirectory() as folder:
+        data = Path(folder) / "postgresql"
+        data.mkdir(mode=0o700)
+        if user:
+            Path(folder).chmod(0o755)
+            shutil.chown(data, "postgres", "postgres")
+        with running(user, data) as address:
+            yield address
+
+
+@contextmanager
+def running(user: list[str], data: Path) -> Iterator[str]:
+    """A database server on a free port. user: words before its commands."""
     port = free_port()
 
     def call(*words: str) -> None:
@@ -60,17 +62,8 @@ def postgresql(folder: Path) -> Iterator[str]:
         )
 
     call("initdb", "-D", str(data), "-U", "blindspot", "--auth=trust")
-    call(
-        "pg_ctl",
-        "-D",
-        str(data),
-        "-w",
-        "-l",
-        str(data / "log"),
-        "-o",
-        f"-p {port} -h 127.0.0.1 -k {data}",
-        "start",
-    )
+    start = ("pg_ctl", "-D", str(data), "-w", "-t", "300", "-l", str(data / "log"))
+    call(*start, "-o", f"-p {port} -h 127.0.0.1 -k {data}", "start")
     try:
         yield f"postgresql+pg8000://blindspot@127.0.0.1:{port}/postgres"
     finally:
@@ -90,23 +83,13 @@ def has_postgresql() -> bool:
 def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     with ExitStack() as stack:
         store = (
-            stack.enter_context(postgresql(tmp_path))
+            stack.enter_context(postgresql())
             if has_postgresql()
             else f"sqlite:///{tmp_path / 'server.db'}"
         )
         port = free_port()
-        command = [
-            sys.executable,
-            "-m",
-            "mlflow",
-            "server",
-            "--backend-store-uri",
-            store,
-            "--host",
-            "127.0.0.1",
-            "--port",
-            str(port),
-        ]
+        command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", store]
+        command += ["--host", "127.0.0.1", "--port", str(port)]
         command += [
             "--workers",
             "1",

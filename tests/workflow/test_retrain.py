@@ -18,7 +18,7 @@ from pipeline.detectors.yolo.training import Run
 from pipeline.learning import fitting, versions
 from pipeline.progress import Progress
 from pipeline.steps import retrain
-from tests.core.test_model_card import CARD
+from tests.cards import CARD
 from tests.detectors.test_training_data import scene
 
 
