@@ -1,4 +1,8 @@
-"""Temporal categories: against a plain loop over frames, with unknown frames as three-valued logic has them, and through the command."""
+"""Temporal categories.
+
+Against a plain loop over frames, with unknown frames as three-valued logic has them, and through
+the command.
+"""
 
 from __future__ import annotations
 
@@ -113,7 +117,9 @@ def test_a_category_is_what_every_completion_of_the_unknown_frames_has(
         number,
         len(sequences),
     )
-    for outcome, rows, own in zip(rule.outcomes(frames).tolist(), sequences, times, strict=True):
+    for outcome, rows, times_s in zip(
+        rule.outcomes(frames).tolist(), sequences, times, strict=True
+    ):
         choices = [
             [
                 [value] if value >= 0 else range(size)
@@ -122,10 +128,11 @@ def test_a_category_is_what_every_completion_of_the_unknown_frames_has(
             for row in rows
         ]
         completions = product(*(list(product(*row)) for row in choices))
-        possible = {named(rule, one, own) for one in completions}
+        possible = {named(rule, completion, times_s) for completion in completions}
         if outcome >= 0:
             assert possible == {rule.labels[outcome]}
-        else:  # Three-valued logic is sound, but finds not every answer on which all completions agree.
+        # Three-valued logic is sound, but finds not every answer on which all completions agree.
+        else:
             assert any(-1 in row for row in rows) or possible == {CHANGES}
 
 
@@ -148,10 +155,11 @@ def said(folder: Path, verb: str, table: str = TABLE, space: str = SPACE) -> tup
 
 def test_sequences_of_a_table_of_frames_are_scored_and_proposed(tmp_path: Path) -> None:
     code, text = said(tmp_path, "score")
-    found = json.loads(text)
-    # a: rain then sun, rising, sun alone, city. b: rain then sun, falling, fast before sun, rural. c: sky and road are open at its end.
-    assert code == 0 and (found["rows"], found["points"], found["partial"]) == (3, 3, 1)
-    assert {one["cause"] for one in found["causes"]} == {
+    result = json.loads(text)
+    # a: rain then sun, rising, sun alone, city. b: rain then sun, falling, fast before sun, rural.
+    # c: sky and road are open at its end.
+    assert code == 0 and (result["rows"], result["points"], result["partial"]) == (3, 3, 1)
+    assert {cause["cause"] for cause in result["causes"]} == {
         "sequence c: road must be one of city, rural, got nothing",
     }
     _, proposed = said(tmp_path, "propose")
@@ -236,7 +244,8 @@ def _written(folder: Path, text: str) -> Path:
         ),
         (
             (", then: sky = sun", ""),
-            "variables.rain_then_sun.then: expected a condition on a frame such as rain >= 40, got null",
+            "variables.rain_then_sun.then: expected a condition on a frame such as rain >= 40, got "
+            "null",
         ),
         (
             ("course: speed", "course: sky"),
@@ -244,7 +253,8 @@ def _written(folder: Path, text: str) -> Path:
         ),
         (
             ("course: speed", "course: sped"),
-            "variables.speed_course.course: there is no condition of frames sped; did you mean 'speed'?",
+            "variables.speed_course.course: there is no condition of frames sped; did you mean "
+            "'speed'?",
         ),
         (
             ("speed_course:", "speed:"),
@@ -257,7 +267,8 @@ def _written(folder: Path, text: str) -> Path:
         (("{both: 2}", "{up: 2}"), "variables.speed_course.weights: there is no category 'up'"),
         (
             (
-                "frames:\n  sky: {values: [rain, sun]}\n  speed: {interval: [0, 9], cuts: [3, 6]}\n",
+                "frames:\n  sky: {values: [rain, sun]}\n  speed: "
+                "{interval: [0, 9], cuts: [3, 6]}\n",
                 "",
             ),
             "a rule needs the conditions of a frame",
