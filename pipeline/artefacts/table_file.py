@@ -127,8 +127,9 @@ def check_format(path: Path) -> None:
 def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Write texts as parquet or, by any other name, CSV."""
     if path.suffix.lower() in PARQUET:
-        places = range(len(header))
-        columns = [pa.array([row[i] for row in rows], pa.string()) for i in places]
+        columns = []
+        for place in range(len(header)):
+            columns.append(pa.array([row[place] for row in rows], pa.string()))
         buffer = io.BytesIO()
         pq.write_table(pa.Table.from_arrays(columns, list(header)), buffer)
         write_bytes(path, buffer.getvalue())

@@ -141,7 +141,8 @@ def test_a_table_of_several_campaigns_is_refused(tmp_path: Path) -> None:
     assert campaign.campaign_of(rows, tmp_path) == CampaignId("x", "x", "x", 1)
     with pytest.raises(
         InputError,
-        match=r"^tests\.parquet: expected the tests of one campaign, got 2 campaigns; make it again$",
+        match=r"^tests\.parquet: expected the tests of one campaign, got 2 campaigns; "
+        "make it again$",
     ):
         campaign.campaign_of(rows.assign(seed=[0, 1]), Path("tests.parquet"))
 

@@ -44,16 +44,19 @@ def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> A
 
 def test_score_counts_by_hand(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     space, points = folder / "space.yaml", folder / "points.csv"
-    found = said(capsys, "score", "--space", space, "--points", points, "--k", 2)
-    # Planes of 6, 6, 6, 4, 4 and 3 feasible cells; the three points cover 3 cells of each, and 2 of fog x lanes.
-    assert (found["numerator"], found["denominator"], found["k"]) == (17, 29, 2)
-    assert found["coverage"] == pytest.approx(17 / 29)
-    assert [row["numerator"] for row in found["by_k"]] == [9, 17]
+    result = said(capsys, "score", "--space", space, "--points", points, "--k", 2)
+    # Planes of 6, 6, 6, 4, 4 and 3 feasible cells; the three points cover 3 cells of each, and 2 of
+    # fog x lanes.
+    assert (result["numerator"], result["denominator"], result["k"]) == (17, 29, 2)
+    assert result["coverage"] == pytest.approx(17 / 29)
+    assert [row["numerator"] for row in result["by_k"]] == [9, 17]
     assert (
-        found["infeasible"] == [{"lanes": "1", "current_lane": "2"}]
-        and found["uncovered_cells"] == 12
+        result["infeasible"] == [{"lanes": "1", "current_lane": "2"}]
+        and result["uncovered_cells"] == 12
     )
-    assert len(found["next"]) == 5 and {"weather": "rainy", "fog": "[0, 50)"} in found["uncovered"]
+    assert (
+        len(result["next"]) == 5 and {"weather": "rainy", "fog": "[0, 50)"} in result["uncovered"]
+    )
 
 
 @pytest.mark.parametrize(("operator", "expected"), [("product", 8), ("sum", 12), ("max", 8)])
@@ -64,7 +67,7 @@ def test_score_uses_weights(
         "variables: {a: {values: [x, y], weights: {y: 3}}, b: {values: [x, y], weights: [1, 1]}}"
     )
     (folder / "w.csv").write_text("a,b\nx,x\ny,y\ny,y\n")
-    found = said(
+    result = said(
         capsys,
         "score",
         "--space",
@@ -74,7 +77,7 @@ def test_score_uses_weights(
         "--operator",
         operator,
     )
-    assert (found["numerator"], found["denominator"]) == (3, expected)
+    assert (result["numerator"], result["denominator"]) == (3, expected)
 
 
 def test_score_draws_and_prints(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -172,8 +175,8 @@ def test_images_of_coco_and_yolo_are_points(
         "--points",
     ]
     for points in (folder / "truth.json", folder):
-        found = said(capsys, *words, points)
-        assert (found["numerator"], found["denominator"], found["points"]) == (3, 6, 3)
+        result = said(capsys, *words, points)
+        assert (result["numerator"], result["denominator"], result["points"]) == (3, 6, 3)
     (folder / "meta.csv").write_text("file_name,weather\nc.jpg,rainy\na.jpg,sunny\n")
     assert main([*map(str, ["coverage", *words, folder / "truth.json"])]) == 2
     assert "there is none for b.jpg" in capsys.readouterr().err
@@ -196,8 +199,8 @@ def test_propose_reaches_full_coverage_with_few_points(
         "--output",
         output,
     ]
-    found = said(capsys, *words)
-    assert found["gain"] == 12 and found["after"]["coverage"] == 1 and found["count"] == 4
+    result = said(capsys, *words)
+    assert result["gain"] == 12 and result["after"]["coverage"] == 1 and result["count"] == 4
     table = pd.read_csv(output)
     assert list(table.columns) == ["weather", "fog", "lanes", "current_lane"] and len(table) == 4
     both = folder / "both.csv"
@@ -215,12 +218,12 @@ def test_propose_completes(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
         folder / "points.csv",
         "--complete",
     ]
-    found = said(capsys, *words)
+    result = said(capsys, *words)
     # A single plane asks for three only.
     assert (
-        found["after"]["coverage"] == 1
-        and found["optimal"]
-        and found["count"] == found["needed_at_least"] == 4
+        result["after"]["coverage"] == 1
+        and result["optimal"]
+        and result["count"] == result["needed_at_least"] == 4
     )
     single = said(capsys, *words, "--k", 1)
     assert single["count"] == single["needed_at_least"] == 0
@@ -232,8 +235,8 @@ def test_propose_completes(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_propose_begins_from_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = said(capsys, "propose", "--space", folder / "space.yaml", "--k", 4, "--exact")
-    assert found["gain"] == 1 and found["optimal"] and found["before"]["numerator"] == 0
+    result = said(capsys, "propose", "--space", folder / "space.yaml", "--k", 4, "--exact")
+    assert result["gain"] == 1 and result["optimal"] and result["before"]["numerator"] == 0
 
 
 @pytest.mark.parametrize("strength", [1, 2, 3, 4])
@@ -252,15 +255,15 @@ def test_a_plan_is_valid_and_its_table_reads_back(
         "--output",
         output,
     ]
-    found = said(capsys, *words)
+    result = said(capsys, *words)
     assert (
-        found["size"] >= found["lower_bound"]
-        and found["cells"] == {1: 9, 2: 29, 3: 39, 4: 18}[strength]
+        result["size"] >= result["lower_bound"]
+        and result["cells"] == {1: 9, 2: 29, 3: 39, 4: 18}[strength]
     )
     assert output.read_text().splitlines()[0] == "weather,fog,lanes,current_lane"
-    assert len(pd.read_csv(output)) == found["size"]
+    assert len(pd.read_csv(output)) == result["size"]
     checked = said(capsys, "verify", "--space", space, "--points", output, "--strength", strength)
-    assert checked["valid"] and checked["cells"] == found["cells"]
+    assert checked["valid"] and checked["cells"] == result["cells"]
     shorter = folder / "shorter.csv"
     shorter.write_text("\n".join(output.read_text().splitlines()[:3]) + "\n")
     assert (
@@ -285,16 +288,22 @@ def test_named_planes_and_combinations_count_in_every_command(
     space, points, plan = folder / "space.yaml", folder / "points.csv", folder / "plan.csv"
     pairs = said(capsys, "plan", "--space", space, "--output", plan)
     space.write_text(SPACE + MIXED)
-    found = said(capsys, "score", "--space", space, "--points", points)
-    # Of the pairs, one cell wants four points instead of one; the plane of three has 12 cells, the last combination is a plane of its own.
-    assert [row["denominator"] for row in found["by_k"]] == [9, 32] and (
-        found["numerator"],
-        found["denominator"],
+    result = said(capsys, "score", "--space", space, "--points", points)
+    # Of the pairs, one cell wants four points instead of one; the plane of three has 12 cells, the
+    # last combination is a plane of its own.
+    assert [row["denominator"] for row in result["by_k"]] == [9, 32] and (
+        result["numerator"],
+        result["denominator"],
     ) == (17 + 3, 32 + 12 + 1)
-    assert found["named_planes"][0] | {"coverage": 0} == {
-        "name": "sight", "conditions": ["weather", "fog", "lanes"], "strength": 3, "numerator": 3, "denominator": 12, "coverage": 0,
-    }  # fmt: skip
-    assert [(one["weight"], one["points"]) for one in found["combinations"]] == [(4, 1), (1, 0)]
+    assert result["named_planes"][0] | {"coverage": 0} == {
+        "name": "sight",
+        "conditions": ["weather", "fog", "lanes"],
+        "strength": 3,
+        "numerator": 3,
+        "denominator": 12,
+        "coverage": 0,
+    }
+    assert [(row["weight"], row["points"]) for row in result["combinations"]] == [(4, 1), (1, 0)]
     assert said(capsys, "verify", "--space", space, "--points", plan, code=1)["missing_cells"] > 0
     mixed = said(capsys, "plan", "--space", space, "--output", plan)
     assert (
@@ -306,8 +315,8 @@ def test_named_planes_and_combinations_count_in_every_command(
     assert completed["before"]["numerator"] == 20 and completed["after"]["coverage"] == 1
     assert main(["coverage", "plan", "--space", str(space)]) == 0
     assert (
-        "12 points cover all 42 feasible combinations of 2 conditions and 3 of sight, and 2 single ones;"
-        in capsys.readouterr().out
+        "12 points cover all 42 feasible combinations of 2 conditions and 3 of sight, and 2 single "
+        "ones;" in capsys.readouterr().out
     )
     assert main(["coverage", "score", "--space", str(space), "--points", str(points)]) == 0
     text = capsys.readouterr().out
@@ -325,7 +334,8 @@ def test_a_space_that_cannot_be_planned_is_refused_with_the_number_of_points(
     )
     assert main(["coverage", "plan", "--space", str(folder / "wide.yaml")]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        "blindspot coverage: a plan needs at least 25,000,000 points, at most 100,000 can be planned; take fewer values or a lower strength"
+        "blindspot coverage: a plan needs at least 25,000,000 points, at most 100,000 can be "
+        "planned; take fewer values or a lower strength"
     )
 
 

@@ -1,4 +1,7 @@
-"""BDD100K, KITTI, nuScenes and OpenLABEL: small sets made here, what they say, and what is refused by place."""
+"""BDD100K, KITTI, nuScenes and OpenLABEL.
+
+Small sets made here, what they say, and what is refused by place.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +55,10 @@ FRAMES: list[dict[str, Any]] = [
         "attributes": {"weather": "clear", "scene": "city street", "timeofday": "daytime"},
     },
 ]
-BDD = "weather: {values: [clear, rainy]}, timeofday: {values: [daytime, dawn/dusk, night]}, objects: {interval: [0, 99], cuts: [1]}"
+BDD = (
+    "weather: {values: [clear, rainy]}, timeofday: {values: [daytime, dawn/dusk, night]}, "
+    "objects: {interval: [0, 99], cuts: [1]}"
+)
 
 
 @pytest.mark.parametrize("plain", [FRAMES, {"frames": FRAMES, "config": {}}])
@@ -87,18 +93,23 @@ KITTI = {
     "label_2/000000.txt": "\n".join(
         [CAR.format("0.00", 0), CAR.format("0.31", 2), CAR.format("0.10", 3)]
     ),
-    "label_2/000001.txt": "DontCare -1 -1 -10 5.00 229.89 214.12 367.61 -1 -1 -1 -1000 -1000 -1000 -10\n",
+    "label_2/000001.txt": "DontCare -1 -1 -10 5.00 229.89 214.12 367.61 "
+    "-1 -1 -1 -1000 -1000 -1000 -10\n",
     "label_2/000002.txt": "\n".join([CAR.format("0.00", 1), CAR.format("0.00", 3)]) + "\n",
     "label_2/000003.txt": "",
 }
-KITTI_SPACE = "occlusion: {values: [0, 1, 2, not_applicable]}, truncation: {interval: [0, 1], cuts: [0.2]}, objects: {interval: [0, 9], cuts: [1, 3]}"
+KITTI_SPACE = (
+    "occlusion: {values: [0, 1, 2, not_applicable]}, truncation: {interval: [0, 1], cuts: "
+    "[0.2]}, objects: {interval: [0, 9], cuts: [1, 3]}"
+)
 
 
 @pytest.mark.parametrize("named", [".", "label_2"])
 def test_kitti_gives_the_largest_occlusion_and_truncation(named: str, tmp_path: Path) -> None:
     lay(tmp_path / "set", KITTI)
     table = points(tmp_path, KITTI_SPACE, f"set/{named}")
-    # An unknown occlusion is the largest unless another object is largely occluded; an image without objects has none.
+    # An unknown occlusion is the largest unless another object is largely occluded; an image
+    # without objects has none.
     assert rows_of(table) == [[2, 1, 2], [3, -1, 0], [-1, 0, 1], [3, -1, 0]]
     assert table.images == ("000000", "000001", "000002", "000003")
 
@@ -175,7 +186,8 @@ NUSCENES: dict[str, Any] = {
     ],
 }
 NUSCENES_SPACE = (
-    "location: {values: [boston-seaport, singapore-onenorth]}, rain: {values: [false, true]}, night: {values: [false, true]}, "
+    "location: {values: [boston-seaport, singapore-onenorth]}, rain: {values: [false, true]}, "
+    "night: {values: [false, true]}, "
     "parked_car: {values: [false, true]}, objects: {interval: [0, 99], cuts: [1]}"
 )
 
@@ -204,8 +216,10 @@ def tag(kind: str, **data: Any) -> dict[str, Any]:
 
 
 OPENLABEL_SPACE = (
-    "road: {values: [RoadTypeMotorway, RoadTypeMinor]}, WeatherRain: {interval: [0, 100], cuts: [2.5, 7.6]}, "
-    "IlluminationLowLight: {values: [false, true]}, SubjectVehicleSpeed: {interval: [0, 130], cuts: [30, 60]}"
+    "road: {values: [RoadTypeMotorway, RoadTypeMinor]}, WeatherRain: "
+    "{interval: [0, 100], cuts: [2.5, 7.6]}, "
+    "IlluminationLowLight: {values: [false, true]}, SubjectVehicleSpeed: "
+    "{interval: [0, 130], cuts: [30, 60]}"
 )
 
 
@@ -285,8 +299,14 @@ def test_stretches_of_frames_with_the_same_tags_are_points(tmp_path: Path) -> No
         tmp_path, {"drive/a.json": plain, "drive/b.json": openlabel({"0": tag("RoadTypeMotorway")})}
     )
     table = points(tmp_path, OPENLABEL_SPACE, "drive")
-    assert table.images == ("a.json, frames 0 to 4", "a.json, frames 5 to 9", "a.json, frames 10 to 14", "a.json, frames 15 to 19",
-                            "a.json, frames 20 to 29", "b.json")  # fmt: skip
+    assert table.images == (
+        "a.json, frames 0 to 4",
+        "a.json, frames 5 to 9",
+        "a.json, frames 10 to 14",
+        "a.json, frames 15 to 19",
+        "a.json, frames 20 to 29",
+        "b.json",
+    )
     assert rows_of(table) == [
         [1, -1, 1, -1],
         [1, -1, -1, -1],
@@ -423,7 +443,8 @@ def test_wrong_nuscenes_tables_are_refused_by_row(
         ("Car 0 0 1", r"000003.txt: line 2: expected 15 fields, got 4"),
         (
             CAR.format("2", 0),
-            r"000003.txt: line 2: expected a truncation from 0 to 1 and an occlusion from 0 to 3, got 2 and 0",
+            r"000003.txt: line 2: expected a truncation from 0 to 1 and an occlusion from 0 to 3, "
+            r"got 2 and 0",
         ),
         (CAR.format("0", 7), r"line 2: .* got 0 and 7"),
     ],

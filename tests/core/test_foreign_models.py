@@ -37,14 +37,18 @@ tyre != "worn out" || !wet
 ACTS_XML = """<?xml version="1.0" encoding="UTF-8"?>
 <System name="brake">
   <Parameters>
-    <Parameter id="0" name="speed" type="0"><values><value>10</value><value>30</value><value>50</value></values>
+    <Parameter id="0" name="speed" type="0">
+      <values><value>10</value><value>30</value><value>50</value></values>
       <basechoices /><invalidValues /></Parameter>
-    <Parameter id="1" name="wet" type="2"><values><value>true</value><value>false</value></values></Parameter>
-    <Parameter id="2" name="tyre" type="1"><values><value>new</value><value>worn out</value></values></Parameter>
+    <Parameter id="1" name="wet" type="2">
+      <values><value>true</value><value>false</value></values></Parameter>
+    <Parameter id="2" name="tyre" type="1">
+      <values><value>new</value><value>worn out</value></values></Parameter>
   </Parameters>
   <OutputParameters /><Relations><Relation Strength="2" Default="true" /></Relations>
   <Constraints>
-    <Constraint text="wet =&gt; speed &lt; 50"><Parameters><Parameter name="wet" /></Parameters></Constraint>
+    <Constraint text="wet =&gt; speed &lt; 50">
+      <Parameters><Parameter name="wet" /></Parameters></Constraint>
     <Constraint text="tyre != &quot;worn out&quot; || !wet"><Parameters /></Constraint>
   </Constraints>
 </System>
@@ -84,7 +88,10 @@ def test_both_forms_of_an_acts_model_are_one_space(text: str, name: str, tmp_pat
 
 
 REFUSED = [
-    ("A: 1, 2\nB: x\n{ A, B } @ 2\n", "model.txt: line 3: the sub-model { A, B } @ 2 has a strength of its own"),
+    (
+        "A: 1, 2\nB: x\n{ A, B } @ 2\n",
+        "model.txt: line 3: the sub-model { A, B } @ 2 has a strength of its own",
+    ),
     ("A: 1, ~2\n", "line 1: ~2 is a negative value, which a space does not have"),
     ("A: 1\n$R: ok, bad\n", "line 2: $R is a result parameter"),
     ("A @ 3: 1, 2\n", "line 1: the parameter A @ 3 has a strength of its own"),
@@ -95,38 +102,83 @@ REFUSED = [
     ("# nothing\n", "expected parameters such as 'Size: 1, 2, 3', got none"),
     ("A: 1, 2\n\nIF [A] = 1 [A] = 2;\n", "line 3: expected THEN, got A"),
     ("A: 1, 2\n[A] = 1\n", "line 2: expected ';', got the end"),
-    ("A: 1, 2\n[A] = \"x\";\n", "line 2: expected a number to compare [A] with, got x"),
+    ('A: 1, 2\n[A] = "x";\n', "line 2: expected a number to compare [A] with, got x"),
     ("A: x, y\n[A] = 1;\n", "line 2: expected a text in double quotes to compare [A] with, got 1"),
     ("A: x, y\n[A] ~ 1;\n", "line 2: expected a constraint, got '~ 1;'"),
-    ("A: x, y\n[A] \"x\";\n", "line 2: expected one of =, <>, <, <=, >, >=, IN, LIKE, got x"),
-    ("Size: x, y\n[Sise] = \"x\";\n", "line 2: there is no parameter [Sise]; did you mean 'Size'?"),
+    ('A: x, y\n[A] "x";\n', "line 2: expected one of =, <>, <, <=, >, >=, IN, LIKE, got x"),
+    ('Size: x, y\n[Sise] = "x";\n', "line 2: there is no parameter [Sise]; did you mean 'Size'?"),
     ("A: 1, 2\nB: x\n[A] = [B];\n", "line 3: [A] and [B] cannot be compared"),
-    ("A: 1, 2\n[A] LIKE \"1*\";\n", "line 2: expected LIKE to compare texts, not numbers"),
+    ('A: 1, 2\n[A] LIKE "1*";\n', "line 2: expected LIKE to compare texts, not numbers"),
     ("A: 1, 2\nIF ISNEGATIVE(A) THEN [A] = 1;\n", "line 2: ISNEGATIVE asks for negative values"),
     ("A: 1, 2\n[A] > 2;\n", "line 2: no combination satisfies it"),
     ("A: 1, 2\n[A] = 1;\n[A] = 2;\n", "constraints: these contradict each other"),
-    ("a=b: x, y, z\n[a=b] = \"y\";\n", "line 2: names in constraints must not contain '=' or '!=', or have spaces at their ends"),
+    (
+        'a=b: x, y, z\n[a=b] = "y";\n',
+        "line 2: names in constraints must not contain '=' or '!=', or have spaces at their ends",
+    ),
     ("A: 1\n" + "(" * 5000 + "[A] = 1;\n", "line 2: nested too deeply"),
     ("[Parameter]\n[System]\n", "expected parameters such as"),
-    ("[System]\n[Parameter]\na: 1\n[Relation]\nR1 : (a, b, 3)\n", "line 5: relations have strengths of their own"),
-    ("[System]\n[Parameter]\na: 1\n[Test Set]\na\n", "line 5: existing tests are no part of a space; name their table by --include"),
-    ("[System]\n[Parameters]\na: 1\n", "line 2: unknown section [Parameters]; did you mean 'parameter'?"),
-    ("[System]\n[Parameter]\na (int) : 1, x\n", "line 3: expected numbers as values of a, got 1, x"),
-    ("[System]\n[Parameter]\na (real) : 1\n", "line 3: the type of a must be int, enum or boolean, got 'real'"),
+    (
+        "[System]\n[Parameter]\na: 1\n[Relation]\nR1 : (a, b, 3)\n",
+        "line 5: relations have strengths of their own",
+    ),
+    (
+        "[System]\n[Parameter]\na: 1\n[Test Set]\na\n",
+        "line 5: existing tests are no part of a space; name their table by --include",
+    ),
+    (
+        "[System]\n[Parameters]\na: 1\n",
+        "line 2: unknown section [Parameters]; did you mean 'parameter'?",
+    ),
+    (
+        "[System]\n[Parameter]\na (int) : 1, x\n",
+        "line 3: expected numbers as values of a, got 1, x",
+    ),
+    (
+        "[System]\n[Parameter]\na (real) : 1\n",
+        "line 3: the type of a must be int, enum or boolean, got 'real'",
+    ),
     ("[System]\n[Parameter]\na : 1, 2; 9\n", "line 3: a has invalid values after the ';'"),
-    ("[System]\n[Parameter]\na : 1, 1\n", "line 3: the values of a must be distinct and not empty, got 1, 1"),
+    (
+        "[System]\n[Parameter]\na : 1, 1\n",
+        "line 3: the values of a must be distinct and not empty, got 1, 1",
+    ),
     ("[System]\n[Parameter]\na : 1\na : 2\n", "line 4: the parameter a appears twice"),
     ("[System]\n[Parameter]\n", "expected parameters, got none"),
-    ("[System]\n[Parameter]\na: 1\n[Constraint]\na / 2 = 1\n", "line 5: the division / is not read"),
-    ("[System]\n[Parameter]\na: 1\n[Constraint]\na = \"x\"\n", "line 5: a number and a text cannot be compared by ="),
-    ("[System]\n[Parameter]\na: x\n[Constraint]\na < \"x\"\n", "line 5: a text and a text cannot be compared by <"),
-    ("[System]\n[Parameter]\nab: 1\n[Constraint]\nac = 1\n", "line 5: there is no parameter ac; did you mean 'ab'?"),
-    ("[System]\n[Parameter]\na: 1\n[Constraint]\na\n", "line 5: expected a comparison before the end, got a number"),
-    ("[System]\n[Parameter]\na: 1\n[Constraint]\na = 1 = 1\n", "line 5: expected an operator or the end, got ="),
-    ("[System]\n[Parameter]\na: 1\n[Constraint]\na % 0 = 1\n", "line 5: a number modulo 0 is undefined"),
+    (
+        "[System]\n[Parameter]\na: 1\n[Constraint]\na / 2 = 1\n",
+        "line 5: the division / is not read",
+    ),
+    (
+        '[System]\n[Parameter]\na: 1\n[Constraint]\na = "x"\n',
+        "line 5: a number and a text cannot be compared by =",
+    ),
+    (
+        '[System]\n[Parameter]\na: x\n[Constraint]\na < "x"\n',
+        "line 5: a text and a text cannot be compared by <",
+    ),
+    (
+        "[System]\n[Parameter]\nab: 1\n[Constraint]\nac = 1\n",
+        "line 5: there is no parameter ac; did you mean 'ab'?",
+    ),
+    (
+        "[System]\n[Parameter]\na: 1\n[Constraint]\na\n",
+        "line 5: expected a comparison before the end, got a number",
+    ),
+    (
+        "[System]\n[Parameter]\na: 1\n[Constraint]\na = 1 = 1\n",
+        "line 5: expected an operator or the end, got =",
+    ),
+    (
+        "[System]\n[Parameter]\na: 1\n[Constraint]\na % 0 = 1\n",
+        "line 5: a number modulo 0 is undefined",
+    ),
     ("[System]\n[Parameter]\na: 1\n[Constraint]\n(a = 1\n", "line 5: expected ')', got the end"),
-    ("[System]\n[Parameter]\na: 1\n[Constraint]\na = #\n", "line 5: expected names, numbers, texts in double quotes and operators"),
-]  # fmt: skip
+    (
+        "[System]\n[Parameter]\na: 1\n[Constraint]\na = #\n",
+        "line 5: expected names, numbers, texts in double quotes and operators",
+    ),
+]
 
 
 @pytest.mark.parametrize(("text", "message"), REFUSED)
@@ -144,7 +196,8 @@ def test_what_a_space_cannot_say_is_refused_with_its_line(
         (
             'type="0"',
             'type="7"',
-            "Parameter[1]: expected a name and a type from 0 to 2 (int, enum, boolean), got name 'speed' and type '7'",
+            "Parameter[1]: expected a name and a type from 0 to 2 (int, enum, boolean), got name "
+            "'speed' and type '7'",
         ),
         (
             "<invalidValues />",
@@ -261,7 +314,8 @@ def test_models_are_planned_scored_and_exported(
     ]
     assert main(words) == 0
     found = json.loads(capsys.readouterr().out)
-    # Type wants 13 points and has one: the second row has another name than the first one of its value.
+    # Type wants 13 points and has one: the second row has another name than the first one of its
+    # value.
     assert (found["numerator"], found["denominator"], found["partial"]) == (
         1 + 2 + 2 + 2,
         13 + 3 + 2 + 3,

@@ -1,4 +1,7 @@
-"""Images of COCO and YOLO data sets as points: backgrounds, layouts, and names that two images or rows share."""
+"""Images of COCO and YOLO data sets as points.
+
+Backgrounds, layouts, and names that two images or rows share.
+"""
 
 from __future__ import annotations
 
@@ -41,15 +44,39 @@ def lay(folder: Path, files: dict[str, str]) -> None:
 
 EXPECTED = [[0, 2], [1, 0], [1, 1]]
 LAYOUTS = {
-    "apart": {"images/a.jpg": "", "images/b.jpg": "", "images/c.PNG": "", "labels/a.txt": LABEL * 3, "labels/c.txt": LABEL,
-              "train.txt": "images/a.jpg"},
-    "splits": {"images/train/a.jpg": "", "images/val/b.jpg": "", "images/val/c.jpg": "", "labels/train/a.txt": LABEL * 3,
-               "labels/val/c.txt": LABEL},
-    "splits first": {"train/images/a.jpg": "", "val/images/b.jpg": "", "val/images/c.jpg": "", "train/labels/a.txt": LABEL * 3,
-                     "val/labels/c.txt": LABEL, "README.txt": "read me"},
-    "flat": {"a.jpg": "", "b.jpg": "", "c.jpg": "", "a.txt": LABEL * 3, "c.txt": LABEL, "classes.txt": "person\n"},
+    "apart": {
+        "images/a.jpg": "",
+        "images/b.jpg": "",
+        "images/c.PNG": "",
+        "labels/a.txt": LABEL * 3,
+        "labels/c.txt": LABEL,
+        "train.txt": "images/a.jpg",
+    },
+    "splits": {
+        "images/train/a.jpg": "",
+        "images/val/b.jpg": "",
+        "images/val/c.jpg": "",
+        "labels/train/a.txt": LABEL * 3,
+        "labels/val/c.txt": LABEL,
+    },
+    "splits first": {
+        "train/images/a.jpg": "",
+        "val/images/b.jpg": "",
+        "val/images/c.jpg": "",
+        "train/labels/a.txt": LABEL * 3,
+        "val/labels/c.txt": LABEL,
+        "README.txt": "read me",
+    },
+    "flat": {
+        "a.jpg": "",
+        "b.jpg": "",
+        "c.jpg": "",
+        "a.txt": LABEL * 3,
+        "c.txt": LABEL,
+        "classes.txt": "person\n",
+    },
     "only labels": {"a.txt": LABEL * 3, "b.txt": "\n", "c.txt": LABEL, "classes.txt": "person\n"},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

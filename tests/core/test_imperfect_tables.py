@@ -56,14 +56,20 @@ def test_partial_rows_count_and_rows_that_break_a_constraint_do_not(
 ) -> None:
     rows = "sunny,3,1,1\nundefined,60,2,2\nrainy,,2,1\nundefined,500,1,1\nsunny,60,1,2\n?,?,1,2\n"
     (folder / "points.csv").write_text(HEAD + rows)
-    found = said(capsys, folder, "score", "points.csv")
-    assert (found["rows"], found["points"], found["partial"], found["left_out"]) == (6, 4, 3, 2)
-    # Cells: weather-fog 1, weather-lanes 2, weather-current 2, fog-lanes 2, fog-current 2, lanes-current 3.
-    assert found["numerator"] == 12 and [row["numerator"] for row in found["by_k"]] == [8, 12]
-    causes = [(cause["rows"], cause["left_out"], cause["cause"]) for cause in found["causes"]]
+    result = said(capsys, folder, "score", "points.csv")
+    assert (result["rows"], result["points"], result["partial"], result["left_out"]) == (6, 4, 3, 2)
+    # Cells: weather-fog 1, weather-lanes 2, weather-current 2, fog-lanes 2, fog-current 2,
+    # lanes-current 3.
+    assert result["numerator"] == 12 and [row["numerator"] for row in result["by_k"]] == [8, 12]
+    causes = [(cause["rows"], cause["left_out"], cause["cause"]) for cause in result["causes"]]
     assert causes[0] == (2, False, "row 2: weather must be one of sunny, rainy, got 'undefined'")
-    assert (2, True, "row 5 breaks the constraint 'lanes = 2 or current_lane != 2': weather = sunny, fog = [50, 100], lanes = 1, "
-            "current_lane = 2") in causes  # fmt: skip
+    assert (
+        2,
+        True,
+        "row 5 breaks the constraint 'lanes = 2 or current_lane != 2': weather = sunny, fog = [50, "
+        "100], lanes = 1, "
+        "current_lane = 2",
+    ) in causes
     assert (1, False, "row 3: fog must be a number in [0, 100], got nothing") in causes
     assert (
         2,
@@ -120,7 +126,10 @@ def test_the_text_lists_the_causes(folder: Path, capsys: pytest.CaptureFixture[s
         == 0
     )
     text = capsys.readouterr().out
-    counted = "2 of 3 rows count; partial, so only for the conditions that they give: 1; left out, because they break a constraint: 1\n"
+    counted = (
+        "2 of 3 rows count; partial, so only for the conditions that they give: 1; left out, "
+        "because they break a constraint: 1\n"
+    )
     assert text.startswith(counted)
     assert "  2 × row 2: weather must be one of sunny, rainy, got 'undefined'\n" in text
 
@@ -135,9 +144,12 @@ def test_a_plan_with_a_broken_constraint_is_not_valid(
     )
     rows = len(plan.read_text().splitlines())
     plan.write_text(plan.read_text() + 'sunny,"[0, 50)",1,2\n')
-    found = said(capsys, folder, "verify", "plan.csv", code=1)
-    broken = f"row {rows} breaks the constraint 'lanes = 2 or current_lane != 2': weather = sunny, fog = [0, 50), lanes = 1, current_lane = 2"
-    assert found["broken"] == [broken] and found["missing_cells"] == 0 and not found["valid"]
+    result = said(capsys, folder, "verify", "plan.csv", code=1)
+    broken = (
+        f"row {rows} breaks the constraint 'lanes = 2 or current_lane != 2': "
+        "weather = sunny, fog = [0, 50), lanes = 1, current_lane = 2"
+    )
+    assert result["broken"] == [broken] and result["missing_cells"] == 0 and not result["valid"]
     assert (
         main(["coverage", "verify", "--space", str(folder / "space.yaml"), "--points", str(plan)])
         == 1
@@ -175,7 +187,8 @@ def test_a_plan_with_a_broken_constraint_is_not_valid(
         (
             "p.xlsx",
             "PK",
-            "expected a CSV or parquet table, got .xlsx; what can be read: .csv, .txt, .parquet, .pq, JSON of COCO, BDD100K",
+            "expected a CSV or parquet table, got .xlsx; what can be read: .csv, .txt, .parquet, "
+            ".pq, JSON of COCO, BDD100K",
         ),
         ("p.jsonl", "{}", "expected a CSV or parquet table, got .jsonl"),
         (
@@ -209,17 +222,22 @@ def test_a_table_that_cannot_be_read_as_it_is_meant_is_refused(
 def test_a_csv_may_have_a_byte_order_mark_spaces_and_quotes(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = 'weather, "fog" ,lanes , current_lane, note\r\nsunny, "[0, 50)", 1 ,1,"5"" long, ""x"""\r\n\r\nrainy,"60",2.0,"2",a "b" c\r\n'
+    text = (
+        'weather, "fog" ,lanes , current_lane, note\r\nsunny, "[0, 50)", 1 ,1,"5"" long, '
+        '""x"""\r\n\r\nrainy,"60",2.0,"2",a "b" c\r\n'
+    )
     (folder / "points.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
-    found = said(capsys, folder, "score", "points.csv", "--strict")
-    assert found["points"] == 2 and found["numerator"] == 12
+    result = said(capsys, folder, "score", "points.csv", "--strict")
+    assert result["points"] == 2 and result["numerator"] == 12
 
 
 def test_parquet_keeps_whole_numbers_times_and_missing_values_apart(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "space.yaml").write_text(
-        "variables: {id: {values: [9007199254740992, 9007199254740993]}, t: {interval: [1700000000, 1700003600], cuts: [1700001800]},\n"
+        "variables: "
+        "{id: {values: [9007199254740992, 9007199254740993]}, t: {interval: [1700000000, "
+        "1700003600], cuts: [1700001800]},\n"
         "  day: {values: [2023-11-14, 2023-11-15 06:00:00]}}"
     )
     table = {
@@ -234,8 +252,8 @@ def test_parquet_keeps_whole_numbers_times_and_missing_values_apart(
         ),
     }
     pq.write_table(pa.table(table), folder / "points.parquet")
-    found = said(capsys, folder, "score", "points.parquet", "--k", 1)
-    assert (found["numerator"], found["denominator"], found["partial"]) == (6, 6, 1)
+    result = said(capsys, folder, "score", "points.parquet", "--k", 1)
+    assert (result["numerator"], result["denominator"], result["partial"]) == (6, 6, 1)
     pd.DataFrame({"id": [1.5], "t": [True], "day": [None]}).to_parquet(folder / "points.parquet")
     assert said(capsys, folder, "score", "points.parquet", "--k", 1)["numerator"] == 0
     pq.write_table(

@@ -33,12 +33,12 @@ def other_holds(path: Path, seconds: float) -> subprocess.Popen[str]:
 
 
 def test_a_second_process_waits_and_says_so(tmp_path: Path) -> None:
-    path, told = tmp_path / "folder" / "a.lock", []
+    path, waits = tmp_path / "folder" / "a.lock", []
     with (
         other_holds(path, 1.0) as process,
-        held(path, lambda: told.append(time.monotonic())) as waited,
+        held(path, lambda: waits.append(time.monotonic())) as waited,
     ):
-        assert waited and len(told) == 1 and path.with_name("done").exists()
+        assert waited and len(waits) == 1 and path.with_name("done").exists()
     assert process.returncode == 0 and not path.exists()
 
 

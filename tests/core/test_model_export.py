@@ -1,4 +1,6 @@
-"""Exported spaces keep their constraints, named planes and single combinations, or say what they leave out."""
+"""Exported spaces keep their constraints, named planes and single combinations, or say what they
+leave out.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""OpenODD files as spaces: the example of the how-to by hand, random modules against three-valued logic, and what is refused by place."""
+"""OpenODD files as spaces.
+
+The example of the how-to by hand, random modules against three-valued logic, and what is refused by
+place.
+"""
 
 from __future__ import annotations
 
@@ -122,7 +126,10 @@ def kleene(operator: str, parts: list[bool | None]) -> bool | None:
 
 
 class RandomModules:
-    """Modules, and whether each holds at a point: None where that is unknown because a concept does not apply."""
+    """Modules, and whether each holds at a point.
+
+    None where that is unknown because a concept does not apply.
+    """
 
     def __init__(self, rng: random.Random) -> None:
         self.rng = rng
@@ -174,8 +181,8 @@ class RandomModules:
 
     def _reference(self, several: list[str], wanted: bool) -> Any:
         def test(point: dict[str, Any]) -> bool | None:
-            found = kleene("OR", [self.holds[name](point) for name in several])
-            return found if found is None else found is wanted
+            result = kleene("OR", [self.holds[name](point) for name in several])
+            return result if result is None else result is wanted
 
         return test
 
@@ -212,7 +219,7 @@ def test_random_modules_allow_what_three_valued_logic_allows(seed: int, tmp_path
     assert space.names == ("road", "size", "signals", "lanes", "rain", "wind_speed")
     rows = np.array(list(product(*map(range, space.sizes))))
     feasible = {tuple(row) for row in rows[space.constraints.holds(rows)].tolist()}
-    found = set()
+    result = set()
     for point in points:
         row = [
             variable.labels.index(str(value))
@@ -221,8 +228,8 @@ def test_random_modules_allow_what_three_valued_logic_allows(seed: int, tmp_path
             for variable, value in zip(space.variables, point.values(), strict=True)
         ]
         if tuple(row) in feasible:
-            found.add(tuple(map(str, point.values())))
-    assert found == expected
+            result.add(tuple(map(str, point.values())))
+    assert result == expected
 
 
 def test_records_inside_optional_records_are_absent_with_them(tmp_path: Path) -> None:
@@ -233,8 +240,18 @@ def test_records_inside_optional_records_are_absent_with_them(tmp_path: Path) ->
     cells = space.constraints.feasible_cells([0, 1, 2])
     # Without a junction no light; with one, all lights' attributes or none of them.
     assert [tuple(cell) for cell in np.argwhere(cells)] == [
-        (0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1), (0, 2, 2), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1), (1, 2, 2), (2, 2, 2),
-    ]  # fmt: skip
+        (0, 0, 0),
+        (0, 0, 1),
+        (0, 1, 0),
+        (0, 1, 1),
+        (0, 2, 2),
+        (1, 0, 0),
+        (1, 0, 1),
+        (1, 1, 0),
+        (1, 1, 1),
+        (1, 2, 2),
+        (2, 2, 2),
+    ]
 
 
 def test_inactive_modules_are_as_if_they_were_not_there(tmp_path: Path) -> None:
@@ -521,7 +538,8 @@ def test_imports_are_read_once_and_may_not_contradict(tmp_path: Path) -> None:
     )
     space = read(
         tmp_path,
-        "IMPORT: [taxonomy.yaml]\nTAXONOMY: {scenery: {lit: boolean}}\nMODULES: {m: {EXCLUDE_OR: {road: rural}}}",
+        "IMPORT: [taxonomy.yaml]\nTAXONOMY: {scenery: {lit: boolean}}\nMODULES: "
+        "{m: {EXCLUDE_OR: {road: rural}}}",
     )
     assert space.names == ("road", "lit") and space.clauses == (("road != rural",),)
     with pytest.raises(

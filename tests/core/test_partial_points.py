@@ -1,4 +1,7 @@
-"""Points with unknown categories: counted in the cells that they determine, left out if no completion of them is feasible."""
+"""Points with unknown categories.
+
+Counted in the cells that they determine, left out if no completion of them is feasible.
+"""
 
 from __future__ import annotations
 
@@ -42,15 +45,15 @@ def test_clauses_that_a_point_breaks_are_found_as_by_trying_every_completion() -
         for row in product((0, 1), repeat=3)
         if (row[0] != 0 or row[1] == 1) and (row[1] != 1 or row[2] == 0)
     ]
-    found = broken_clauses(CHAIN, rows)
-    for row, clause in zip(rows, found, strict=True):
+    result = broken_clauses(CHAIN, rows)
+    for row, clause in zip(rows, result, strict=True):
         possible = any(
-            all(known in (-1, value) for known, value in zip(row, other, strict=True))
+            all(given in (-1, value) for given, value in zip(row, other, strict=True))
             for other in feasible
         )
         assert (clause < 0) == possible
     assert (
-        dict(zip(map(tuple, rows.tolist()), found.tolist(), strict=True))[0, -1, 1] == 2
+        dict(zip(map(tuple, rows.tolist()), result.tolist(), strict=True))[0, -1, 1] == 2
     )  # Both clauses together.
     assert broken_clauses(CHAIN, np.array([[0, 0, 1], [1, 1, 1], [0, -1, -1]])).tolist() == [
         0,

@@ -259,7 +259,8 @@ def _written(folder: Path, text: str) -> Path:
         (("{both: 2}", "{up: 2}"), "variables.speed_course.weights: there is no category 'up'"),
         (
             (
-                "frames:\n  sky: {values: [rain, sun]}\n  speed: {interval: [0, 9], cuts: [3, 6]}\n",
+                "frames:\n  sky: {values: [rain, sun]}\n  speed: "
+                "{interval: [0, 9], cuts: [3, 6]}\n",
                 "",
             ),
             "a rule needs the conditions of a frame",

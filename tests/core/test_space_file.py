@@ -221,41 +221,71 @@ def test_a_space_file_names_planes_and_weighs_combinations(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("planes:\n", "planes: [sight]\nx:\n"), "unknown key 'x'; known are combinations, "
-                                                 "constraints, frames,"),
-        (("sight: {conditions", "sight: {condition"), "unknown key 'planes.sight.condition'; did "
-                                                      "you mean 'conditions'?"),
-        (("sight: {conditions: [fog, weather, night], strength: 2}", "sight: [fog, night]"),
-         "planes.sight: expected an entry such as {conditions: [weather, light, road], strength: "
-         "3}, got [fog, night]"),
-        (("[fog, weather, night]", "[fogg, weather]"), "planes.sight.conditions: there is no "
-                                                       "condition fogg; did you mean 'fog'?"),
-        (("[fog, weather, night]", "[fog, night, fog]"), "planes.sight.conditions: 'fog' appears "
-                                                         "twice"),
-        (("[fog, weather, night]", "fog"), "planes.sight.conditions: expected a list of "
-                                           "conditions, got fog"),
-        (("strength: 2", "strength: 4"), "planes.sight.strength: expected a whole number from 1 "
-                                         "to 3, got 4"),
-        (("strength: 2", "strength: two"), "planes.sight.strength: expected a whole number from 1 "
-                                           "to 3, got two"),
+        (
+            ("planes:\n", "planes: [sight]\nx:\n"),
+            "unknown key 'x'; known are combinations, constraints, frames,",
+        ),
+        (
+            ("sight: {conditions", "sight: {condition"),
+            "unknown key 'planes.sight.condition'; did you mean 'conditions'?",
+        ),
+        (
+            ("sight: {conditions: [fog, weather, night], strength: 2}", "sight: [fog, night]"),
+            "planes.sight: expected an entry such as "
+            "{conditions: [weather, light, road], strength: 3}, got [fog, night]",
+        ),
+        (
+            ("[fog, weather, night]", "[fogg, weather]"),
+            "planes.sight.conditions: there is no condition fogg; did you mean 'fog'?",
+        ),
+        (
+            ("[fog, weather, night]", "[fog, night, fog]"),
+            "planes.sight.conditions: 'fog' appears twice",
+        ),
+        (
+            ("[fog, weather, night]", "fog"),
+            "planes.sight.conditions: expected a list of conditions, got fog",
+        ),
+        (
+            ("strength: 2", "strength: 4"),
+            "planes.sight.strength: expected a whole number from 1 to 3, got 4",
+        ),
+        (
+            ("strength: 2", "strength: two"),
+            "planes.sight.strength: expected a whole number from 1 to 3, got two",
+        ),
         (("  road:", "  null:"), "not valid YAML (expected text as a key, got 'null')"),
-        (("weather: rainy}", "weather: rany}"), "combinations[1].of.weather: there is no category "
-                                                "rany; did you mean 'rainy'?"),
-        (("{of: {night", "{of: {nigth"), "combinations[1].of: there is no condition nigth; did "
-                                         "you mean 'night'?"),
-        (("weight: 5", "weight: 1001"), "combinations[1].weight: expected a whole number from 0 "
-                                        "to 1000, got 1001"),
+        (
+            ("weather: rainy}", "weather: rany}"),
+            "combinations[1].of.weather: there is no category rany; did you mean 'rainy'?",
+        ),
+        (
+            ("{of: {night", "{of: {nigth"),
+            "combinations[1].of: there is no condition nigth; did you mean 'night'?",
+        ),
+        (
+            ("weight: 5", "weight: 1001"),
+            "combinations[1].weight: expected a whole number from 0 to 1000, got 1001",
+        ),
         (("weight: 5", "weigh: 5"), "unknown key 'combinations[1].weigh'; did you mean 'weight'?"),
-        (('{of: {fog: "[80, 100]"}}', "{of: {}}"), "combinations[2].of: expected a category for "
-                                                   "each of 1 to 6 conditions, got {}"),
-        (('{of: {fog: "[80, 100]"}}', "rainy"), "combinations[2]: expected an entry such as {of: "
-                                                "{weather: rainy, light: night},"),
-        (('{of: {fog: "[80, 100]"}}', "{of: {weather: rainy, night: true}}"),
-         "combinations[2]: {'night': 'true', 'weather': 'rainy'} appears twice"),
-        (('{of: {fog: "[80, 100]"}}', "{of: {lanes: 1, current_lane: 2}}"),
-         "combinations: the constraints leave no point with lanes = 1, current_lane = 2"),
+        (
+            ('{of: {fog: "[80, 100]"}}', "{of: {}}"),
+            "combinations[2].of: expected a category for each of 1 to 6 conditions, got {}",
+        ),
+        (
+            ('{of: {fog: "[80, 100]"}}', "rainy"),
+            "combinations[2]: expected an entry such as {of: {weather: rainy, light: night},",
+        ),
+        (
+            ('{of: {fog: "[80, 100]"}}', "{of: {weather: rainy, night: true}}"),
+            "combinations[2]: {'night': 'true', 'weather': 'rainy'} appears twice",
+        ),
+        (
+            ('{of: {fog: "[80, 100]"}}', "{of: {lanes: 1, current_lane: 2}}"),
+            "combinations: the constraints leave no point with lanes = 1, current_lane = 2",
+        ),
     ],
-)  # fmt: skip
+)
 def test_wrong_planes_and_combinations_are_named(
     change: tuple[str, str], message: str, tmp_path: Path
 ) -> None:
@@ -276,9 +306,8 @@ def test_bytes_that_are_not_text_and_a_missing_file_are_named(tmp_path: Path) ->
 
 def test_contradictory_constraints_are_named_with_a_minimal_core(tmp_path: Path) -> None:
     more = (
-        GOOD
-        + "  - [weather = sunny, night = true]\n  - [lanes = 1]\n  - [current_lane = 2]\n  - [fog "
-        "!= '[0, 20)']\n"
+        GOOD + "  - [weather = sunny, night = true]\n  - [lanes = 1]\n  - [current_lane = 2]\n  - "
+        "[fog != '[0, 20)']\n"
     )
     with pytest.raises(InputError) as caught:
         space_of(tmp_path, more.replace("fog != '[0, 20)'", "night = true"))
@@ -303,7 +332,8 @@ ROW = "sunny,3,350,1,1,true\n"
     [
         (
             HEAD + ROW + "suny,3,350,1,1,true\n",
-            "row 2: weather must be one of sunny, cloudy, rainy (did you mean 'sunny'?), got 'suny'",
+            "row 2: weather must be one of sunny, cloudy, rainy (did you mean 'sunny'?), got "
+            "'suny'",
         ),
         (
             HEAD + ROW + "sunny,,350,1,1,true\n",
@@ -321,8 +351,8 @@ ROW = "sunny,3,350,1,1,true\n"
         ),
         (
             "weather,fog\nsunny,3\n",
-            "expected a column for each condition; there is none for azimuth, lanes, "
-            "current_lane, night",
+            "expected a column for each condition; there is none for azimuth, lanes, current_lane, "
+            "night",
         ),
         (HEAD, "expected points, got an empty table"),
         ("", "expected points, got an empty table"),

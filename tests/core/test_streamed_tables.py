@@ -1,4 +1,7 @@
-"""Tables read in batches of any size are reported as tables read at once; points that raise coverage stand for all."""
+"""Tables read in batches of any size are reported as tables read at once.
+
+Points that raise coverage stand for all.
+"""
 
 from __future__ import annotations
 

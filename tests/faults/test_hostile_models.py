@@ -1,4 +1,6 @@
-"""Detectors and simulators that hang, crash or take all memory cost one test each, with a reason, and never become a KPI."""
+"""Detectors and simulators that hang, crash or take all memory cost one test each, with a reason,
+and never become a KPI.
+"""
 
 from __future__ import annotations
 

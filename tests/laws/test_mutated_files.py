@@ -1,4 +1,7 @@
-"""Damaged tables and space files: refused in one line that names the file, or counted as plain enumeration counts them."""
+"""Damaged tables and space files.
+
+Refused in one line that names the file, or counted as plain enumeration counts them.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ constraints:
   - [lanes = 2, sky != off]
   - [sky != 1.1, "fog = [0, 20)"]
 """
-TABLE = 'sky,fog,turn,lanes,note\non,3,350,1,"a, b"\noff,20,90,2,\n1.10,100,10,1,c\n1.1,"[0, 20)",180,2.0,d\noff,7,7,1,e\n,55,,1,f\n'
+TABLE = (
+    'sky,fog,turn,lanes,note\non,3,350,1,"a, b"\noff,20,90,2,\n1.10,100,10,1,c\n1.1,"[0, '
+    '20)",180,2.0,d\noff,7,7,1,e\n,55,,1,f\n'
+)
 PIECES = [
     "",
     ",",
@@ -144,15 +150,17 @@ def labels(body: dict[str, Any]) -> list[str]:
 
 
 def counted(space: dict[str, Any], table: str) -> dict[str, Any]:
-    """Rows, partial and left-out rows, and coverage for k = 1 and 2, by trying every point of the space."""
+    """Rows, partial and left-out rows, and coverage for k = 1 and 2, by trying every point of the
+    space.
+    """
     bodies = list(space["variables"].values())
     names = [body.get("values") or labels(body) for body in bodies]
     order = list(space["variables"])
 
     def keeps(point: tuple[int, ...]) -> bool:
-        said = {(order[v], names[v][c]) for v, c in enumerate(point)}
+        named = {(order[v], names[v][c]) for v, c in enumerate(point)}
         return all(
-            any(_holds(literal, said) for literal in clause)
+            any(_holds(literal, named) for literal in clause)
             for clause in space.get("constraints") or []
         )
 
@@ -162,18 +170,18 @@ def counted(space: dict[str, Any], table: str) -> dict[str, Any]:
     )  # Python's reader skips spaces before a quote, but not tabs.
     rows = [row for row in csv.reader(io.StringIO(table, newline=""), skipinitialspace=True) if row]
     head = [name.strip() for name in rows[0]]
-    said = [
+    named = [
         [meaning(body, row[head.index(name)]) for name, body in zip(order, bodies, strict=True)]
         for row in rows[1:]
     ]
     kept = [
         row
-        for row in said
+        for row in named
         if any(all(c in (None, p) for c, p in zip(row, point, strict=True)) for point in feasible)
     ]
-    found: dict[str, Any] = {
-        "rows": len(said),
-        "left_out": len(said) - len(kept),
+    result: dict[str, Any] = {
+        "rows": len(named),
+        "left_out": len(named) - len(kept),
         "partial": sum(None in row for row in kept),
     }
     for k in (1, 2):
@@ -185,13 +193,13 @@ def counted(space: dict[str, Any], table: str) -> dict[str, Any]:
                     _weight(bodies[v], names[v], c) for v, c in zip(plane, cell, strict=True)
                 )
                 covered, required = covered + min(counts[cell], weight), required + weight
-        found[f"k = {k}"] = (covered, required)
-    return found
+        result[f"k = {k}"] = (covered, required)
+    return result
 
 
-def _holds(literal: str, said: set[tuple[str, str]]) -> bool:
+def _holds(literal: str, named: set[tuple[str, str]]) -> bool:
     name, sign, category = (part.strip() for part in re.split("(!?=)", literal, maxsplit=1))
-    return ((name, category) in said) == (sign == "=")
+    return ((name, category) in named) == (sign == "=")
 
 
 def _weight(body: dict[str, Any], names: list[str], category: int) -> int:
@@ -228,9 +236,9 @@ def check(folder: Path, space: str, table: str) -> bool:
         named = re.search(rf"{re.escape(str(folder))}/(space.yaml|points.csv)(, line \d+)?: ", line)
         assert code == 2 and not out.getvalue() and named
         return False
-    found = json.loads(out.getvalue())
-    shown = {key: found[key] for key in ("rows", "left_out", "partial")}
-    shown |= {f"k = {row['k']}": (row["numerator"], row["denominator"]) for row in found["by_k"]}
+    result = json.loads(out.getvalue())
+    shown = {key: result[key] for key in ("rows", "left_out", "partial")}
+    shown |= {f"k = {row['k']}": (row["numerator"], row["denominator"]) for row in result["by_k"]}
     assert shown == counted(yaml.load(space, yaml.BaseLoader), table)
     return True
 

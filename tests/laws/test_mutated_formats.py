@@ -1,4 +1,7 @@
-"""The how-to's files of foreign formats: they mean what a person reads in them; damaged, they are refused by name or still make a space."""
+"""The how-to's files of foreign formats.
+
+They mean what a person reads in them; damaged, they are refused by name or still make a space.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +58,8 @@ def test_the_examples_mean_what_they_say(
 
 @pytest.mark.parametrize(("name", "rows"), [("pict.txt", 84), ("acts.txt", 30), ("acts.xml", 5)])
 def test_the_models_allow_as_many_rows_as_counted_by_hand(name: str, rows: int) -> None:
-    # Six pairs of lanes, three of them below 3. By light: day 2 × 3 × 6, dusk 2 × 6 + 3 × 2 × 3, night 6 + 2 × 2 × 3.
+    # Six pairs of lanes, three of them below 3. By light: day 2 × 3 × 6, dusk 2 × 6 + 3 × 2 × 3,
+    # night 6 + 2 × 2 × 3.
     space = read_space_of_any_format(EXAMPLES / name)
     assert int(space.constraints.feasible_cells(range(len(space))).sum()) == rows
 
