@@ -98,7 +98,7 @@ def test_the_command_line_ends_with_one_message(
             ignore=shutil.ignore_patterns("__pycache__"),
         )
     shutil.copy(ROOT / "params.yaml", tmp_path)
-    command = [sys.executable, "-m", "pipeline", "render-base"]
+    command = [sys.executable, "-m", "pipeline", "step", "render-base"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), **settings}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 2, done.stderr
