@@ -435,20 +435,7 @@ def test_a_missing_params_file_names_the_command_that_makes_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     missing = tmp_path / "params.yaml"
-    assert (
-        main(
-            [
-                "define-space",
-                "--scenario",
-                "F1",
-                "--out",
-                str(tmp_path / "x.json"),
-                "--params",
-                str(missing),
-            ]
-        )
-        == 2
-    )
+    assert main(["step", "define-space", "--scenario", "F1", "--params", str(missing)]) == 2
     assert "compose study=default" in capsys.readouterr().err
 
 

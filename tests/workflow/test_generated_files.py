@@ -42,7 +42,11 @@ def test_a_stale_page_is_named_and_made_again(
     assert (tmp_path / "columns.md").read_text() == "older"
 
 
-def test_a_folder_that_cannot_be_written_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert reference.main(["--out", "README.md"]) == 2
-    message = "README.md: expected a folder to write in, got a file"
+def test_a_page_that_cannot_be_written_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "file"
+    page.touch()
+    assert reference.main(["--out", str(page)]) == 2
+    message = f"{page}: expected a folder to write in, got a file"
     assert capsys.readouterr().err.startswith(message)

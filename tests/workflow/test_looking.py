@@ -118,11 +118,11 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ),
         (
             ["compose", "study=smoke", "--out", "README.md/params.yaml"],
-            "README.md: expected a folder to write in, got a file",
+            "params.yaml: expected a file to write to, got one in README.md, which is not a folder",
         ),
         (
             ["compose", "study=smoke", "--out", "docs"],
-            "docs: expected a file or nothing, got a folder",
+            "docs: expected a file to write to, got a folder",
         ),
         (
             ["verify", "--folder", "nowhere"],
@@ -159,7 +159,7 @@ def test_wrong_arguments_are_named(
 @pytest.mark.parametrize(
     "words",
     [
-        ["define-space", "--scenario", "F1", "--threads"],
+        ["step", "define-space", "--scenario", "F1", "--threads"],
         ["campaign", "--threads"],
         ["likelihood", "--threads"],
         ["test-detector", "mine.onnx", "--cores"],
