@@ -32,10 +32,10 @@ from statistics import median
 
 import numpy as np
 import yaml
-from cluster_faults import SLURM
-from fault_study import TINY, FaultStudy
 from published import header
 
+from benchmarks.faults.cluster import SLURM
+from benchmarks.faults.study import TINY, FaultStudy
 from pipeline.config.composing import compose, functional_scenario, load
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
