@@ -1,10 +1,11 @@
 """Faults on purpose, and how each ends: one table, exit code 1 if one ends as it should not.
 
-    python benchmarks/faults.py --kills 100 --configs 2000 --damage 500 --repairs 40 --keep
-    python benchmarks/faults.py --published             the table of docs/results/faults.md
+    python -m benchmarks.faults --kills 100 --configs 2000 --damage 500 --repairs 40 --keep
+    python -m benchmarks.faults --published             the table of docs/results/faults.md
 
---kills and --repairs execute a tiny study in a clone of HEAD, about a minute of processor time for each study and ten seconds for each
-fault. They print their progress, and resume after the last finished study or repair as long as HEAD is the same.
+--kills and --repairs execute a tiny study in a clone of HEAD: a minute of processor time for each
+study and ten seconds for each fault. They print their progress, and resume after the last finished
+study or repair as long as HEAD is the same.
 """
 
 from __future__ import annotations
@@ -20,40 +21,24 @@ from benchmarks.faults.repairs import repairs
 from benchmarks.faults.report import keep, page, published, table
 from benchmarks.faults.study import FaultStudy
 
+KINDS = {
+    "--kills": "kill ./run with -9, by turns in each of its phases",
+    "--configs": "change params.yaml",
+    "--damage": "flip a bit in a file, then read it",
+    "--repairs": "flip a bit in one file of each kind of a finished study, then in N files alone",
+}
+
 
 def main() -> int:
-    """Do the faults that are asked for and print the table."""
+    """Cause the faults and print the table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--kills",
-        type=int,
-        default=0,
-        metavar="N",
-        help="kill ./run with -9, by turns in each of its phases",
-    )
-    parser.add_argument("--configs", type=int, default=0, metavar="N", help="change params.yaml")
-    parser.add_argument(
-        "--damage", type=int, default=0, metavar="N", help="flip a bit in a file, then read it"
-    )
-    parser.add_argument(
-        "--repairs",
-        type=int,
-        default=0,
-        metavar="N",
-        help="flip a bit in a file of each kind of a finished study, then ./run; then in N files, one by one",
-    )
-    parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
-    parser.add_argument(
-        "--folder",
-        type=Path,
-        default=Path(".cache/faults"),
-        help="for the clone (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--keep", action="store_true", help="publish the rows beside docs/results/faults.md"
-    )
+    for option, text in KINDS.items():
+        parser.add_argument(option, type=int, default=0, metavar="N", help=text)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folder", type=Path, default=Path(".cache/faults"), help="for the clone")
+    parser.add_argument("--keep", action="store_true", help="publish the rows")
     parser.add_argument("--published", action="store_true", help="only print the published table")
     options = parser.parse_args()
     if options.published:

@@ -1,7 +1,8 @@
-"""Flips random bits in the artefacts of a finished study, and tells who sees them.
+"""Flips random bits in the artefacts of a finished study, and counts who sees them.
 
-The study is a tiny one on the analytic simulator, with a model version and a few images beside it. Each flip changes one bit of one file,
-which is then read the way the steps read it, and compared with its stamp as `verify` does.
+The study is a tiny one on the analytic simulator, with a model version and a few images beside it.
+Each flip changes one bit of one file, which is then read the way the steps read it, and compared
+with its stamp as `verify` does.
 """
 
 from __future__ import annotations
@@ -40,24 +41,13 @@ from pipeline.workflow.stamping import Stamps
 
 SHIPPED = Path(__file__).resolve().parents[2] / "models" / "uniform"
 OVERRIDES = [
-    *(
-        "simulator=analytic",
-        "detector=oracle",
-        "goal=detectors",
-        "+tested.one=one.onnx",
-        "+tested.other=other.onnx",
-        "held_out=[F1star]",
-    ),
-    *(
-        "search=[F1]",
-        "strategies=[random]",
-        "seeds=[0]",
-        "campaign.tests=20",
-        "comparison.tests=20",
-        "report.replays=0",
-    ),
-    *("comparison.second_iou=null", "base.weights=models/uniform"),
+    *("simulator=analytic", "detector=oracle", "goal=detectors"),
+    *("+tested.one=one.onnx", "+tested.other=other.onnx", "held_out=[F1star]"),
+    *("search=[F1]", "strategies=[random]", "seeds=[0]", "campaign.tests=20"),
+    *("comparison.tests=20", "report.replays=0", "comparison.second_iou=null"),
+    "base.weights=models/uniform",
 ]
+READ, VERIFIED, UNSEEN = "seen by readers", "seen by verify", "unseen"
 IMAGES = 4
 READERS: dict[str, Callable[[Path], Any]] = {
     "tests.parquet": tables.read_tests,
@@ -88,46 +78,30 @@ def damage(flips: int, seed: int) -> list[Row]:
     """A row for each kind of file; a flip that nobody sees is wrong."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         counts = damaged(tiny_study(), flips, np.random.default_rng(seed))
-    return [
-        Row(
-            "bit flip",
-            kind,
-            counts[kind, "flips"],
-            counts[kind, "unseen"],
-            {
-                who: counts[kind, way]
-                for who, way in (
-                    ("seen by readers", "read"),
-                    ("seen by verify", "verify"),
-                    ("unseen", "unseen"),
-                )
-            },
-        )
-        for kind in sorted({kind for kind, _ in counts})
-    ]
+    rows = []
+    for kind in sorted({kind for kind, _ in counts}):
+        outcomes = {way: counts[kind, way] for way in (READ, VERIFIED, UNSEEN)}
+        rows.append(Row("bit flip", kind, counts[kind, "flips"], counts[kind, UNSEEN], outcomes))
+    return rows
 
 
 def tiny_study() -> Path:
-    """A finished study in the working directory; returns its folder."""
+    """A finished study in the working directory, with a model version; returns its folder."""
     Path("models").symlink_to(SHIPPED.parent)
     for name in ("one.onnx", "other.onnx"):  # The oracle needs none.
         Path(name).write_text(name)
     jobs = Jobs(compose("default", OVERRIDES), step_names())
-    stamps = Stamps(jobs)
+    today = Stamps(jobs)
     for target, _ in jobs.in_order():
         wildcards = dict(target.wildcards)
-        perform(
-            order_of(target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards)),
-            jobs.config,
-        )
+        job_stamp = today.stamp(target.step, wildcards)
+        perform(order_of(target.step, jobs.config, wildcards, job_stamp), jobs.config)
     root = Path(jobs.folders.root)
-    shutil.copytree(SHIPPED, root / "models/base", ignore=shutil.ignore_patterns("README.md"))
-    onnx_of(root / "models/base", root / "models/base")
-    stamp(
-        root / "models/base/model.json.stamp",
-        *(root / "models/base" / name for name in VERSION_FILES.values()),
-    )
-    _images(root / "base_set")
+    base = root / "models/base"
+    shutil.copytree(SHIPPED, base, ignore=shutil.ignore_patterns("README.md"))
+    onnx_of(base, base)
+    stamp(base / "model.json.stamp", *(base / name for name in VERSION_FILES.values()))
+    noise_images(root / "base_set")
     return root
 
 
@@ -136,58 +110,45 @@ def stamp(path: Path, *outputs: Path) -> None:
     path.write_text(stamps.made(path, "benchmark", outputs).text())
 
 
-def _images(root: Path) -> None:
-    """A data set of noise."""
-    rng, truth = (
-        np.random.default_rng(0),
-        Truth((20.0, 10.0, 40.0, 50.0), (20.0, 10.0, 40.0, 50.0), 800, 800, 30.0),
-    )
-    records = [Record("train", index, 96, 64, truth) for index in range(IMAGES)]
-    for record in records:
-        write_image(
-            root,
-            record.split,
-            record.index,
-            rng.integers(0, 255, (64, 96, 3), dtype=np.uint8),
-            truth,
-        )
-    write_truth(root, records)
-    stamp(
-        root / "truth.coco.json.stamp",
-        *(root / name for name in ("truth.coco.json", "dataset.yaml", "images", "labels")),
-    )
+def noise_images(root: Path) -> None:
+    """Write a data set of noise."""
+    rng, box = np.random.default_rng(0), (20.0, 10.0, 40.0, 50.0)
+    truth = Truth(box, box, 800, 800, 30.0)
+    for index in range(IMAGES):
+        image = rng.integers(0, 255, (64, 96, 3), dtype=np.uint8)
+        write_image(root, "train", index, image, truth)
+    write_truth(root, [Record("train", index, 96, 64, truth) for index in range(IMAGES)])
+    names = ("truth.coco.json", "dataset.yaml", "images", "labels")
+    stamp(root / "truth.coco.json.stamp", *(root / name for name in names))
 
 
 def damaged(root: Path, flips: int, rng: np.random.Generator) -> Counter[tuple[str, str]]:
-    """Flip single bits, one file after the other in turn; counts by kind of file and by who sees the flip."""
+    """Flip single bits in one file after the other; counts by kind of file and who sees it."""
     files = list(artefacts(root))
     counts: Counter[tuple[str, str]] = Counter()
     for flip in range(flips):
         kind, file = files[flip % len(files)]
         whole = file.read_bytes()
         file.write_bytes(flipped(whole, int(rng.integers(8 * len(whole)))))
-        seen = {
-            "read": kind in READERS and not readable(kind, file),
-            "verify": any(found == file for found, _ in stamps.damaged(root)),
-        }
+        read = kind in READERS and not readable(kind, file)
+        verified = file in [path for path, _ in stamps.damaged(root)]
         file.write_bytes(whole)
-        counts.update([(kind, "flips"), *((kind, way) for way, it in seen.items() if it)])
-        counts.update([(kind, "unseen")] if not any(seen.values()) else [])
+        counts[kind, "flips"] += 1
+        counts[kind, READ] += read
+        counts[kind, VERIFIED] += verified
+        counts[kind, UNSEEN] += not (read or verified)
     return counts
 
 
 def artefacts(root: Path) -> Iterator[tuple[str, Path]]:
     """Every file of a study that is not empty, with its kind: a key of `READERS`, or its suffix."""
-    for file in sorted(
-        path
-        for path in root.rglob("*")
-        if path.is_file() and path.stat().st_size and "journal" not in path.parts
-    ):
-        yield next((kind for kind in READERS if file.match(kind)), f"*{file.suffix}"), file
+    for file in sorted(root.rglob("*")):
+        if file.is_file() and file.stat().st_size and "journal" not in file.parts:
+            yield next((kind for kind in READERS if file.match(kind)), f"*{file.suffix}"), file
 
 
 def readable(kind: str, file: Path) -> bool:
-    """Whether a file's reader takes it; any other error than one that names the file ends the benchmark."""
+    """Whether a file's reader takes it; an error that does not name the file is raised."""
     try:
         READERS[kind](file)
     except InputError as error:

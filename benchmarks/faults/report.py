@@ -8,12 +8,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-PUBLISHED = Path("docs/results/faults.csv")
+from benchmarks.shared import RESULTS, markdown
+
+PUBLISHED = RESULTS / "faults.csv"
 
 
 @dataclass(frozen=True)
 class Row:
-    """Faults of one kind in one place. wrong: how many did not end as they should. outcomes: how many ended in which way."""
+    """Faults of one kind in one place.
+
+    count: their number. wrong: how many did not end as they should. outcomes: how many ended in
+    which way.
+    """
 
     fault: str
     where: str
@@ -22,34 +28,35 @@ class Row:
     outcomes: Mapping[str, int]
 
 
-def table(rows: Sequence[Row]) -> str:
-    """The rows as text, with a sum for each kind of fault."""
-    lines = [f"{'fault':12} {'where':22} {'number':>7} {'wrong':>6}  outcome"]
+def totals(rows: Sequence[Row]) -> list[Row]:
+    """The sum of each kind of fault over its places."""
+    sums = []
     for fault in dict.fromkeys(row.fault for row in rows):
-        own = [row for row in rows if row.fault == fault]
-        lines += [_line(row) for row in own]
-        ways = dict.fromkeys(way for row in own for way in row.outcomes)
-        total = {way: sum(row.outcomes.get(way, 0) for row in own) for way in ways}
-        lines.append(
-            _line(
-                Row(
-                    fault,
-                    "all",
-                    sum(row.count for row in own),
-                    sum(row.wrong for row in own),
-                    total,
-                )
-            )
-        )
+        same = [row for row in rows if row.fault == fault]
+        outcomes: Counter[str] = Counter()
+        for row in same:
+            outcomes.update(row.outcomes)
+        count, wrong = sum(row.count for row in same), sum(row.wrong for row in same)
+        sums.append(Row(fault, "all", count, wrong, outcomes))
+    return sums
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The rows as text, with the sum of each kind of fault after them."""
+    lines = [f"{'fault':16} {'where':22} {'number':>7} {'wrong':>6}  outcome"]
+    for row in (*rows, *totals(rows)):
+        outcome = ", ".join(f"{way} {count}" for way, count in row.outcomes.items() if count)
+        lines.append(f"{row.fault:16} {row.where:22} {row.count:>7} {row.wrong:>6}  {outcome}")
     return "\n".join(lines)
 
 
 def keep(rows: Sequence[Row], path: Path = PUBLISHED) -> None:
-    """Publish the rows: a line for each outcome of a fault in a place. They replace those of the same kinds of fault."""
+    """Publish the rows in place of those of the same kinds of fault, a line for each outcome."""
     for row in rows:
         if row.count and not sum(row.outcomes.values()):
             raise ValueError(
-                f"{row.fault}, {row.where}: {row.count} faults without an outcome would not be published"
+                f"{row.fault}, {row.where}: {row.count} faults without an outcome "
+                "would not be published"
             )
     fresh = {row.fault for row in rows}
     kept = [row for row in published(path) if row.fault not in fresh] if path.exists() else []
@@ -57,11 +64,9 @@ def keep(rows: Sequence[Row], path: Path = PUBLISHED) -> None:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(["fault", "where", "number", "wrong", "outcome", "times"])
         for row in [*kept, *rows]:
-            lines.writerows(
-                [row.fault, row.where, row.count, row.wrong, way, times]
-                for way, times in row.outcomes.items()
-                if times
-            )
+            for way, times in row.outcomes.items():
+                if times:
+                    lines.writerow([row.fault, row.where, row.count, row.wrong, way, times])
 
 
 def published(path: Path = PUBLISHED) -> list[Row]:
@@ -70,29 +75,17 @@ def published(path: Path = PUBLISHED) -> list[Row]:
     with path.open(newline="") as file:
         for line in csv.DictReader(file):
             place = (line["fault"], line["where"])
-            known = rows.get(place, Row(*place, int(line["number"]), int(line["wrong"]), {}))
-            rows[place] = Row(
-                *place,
-                known.count,
-                known.wrong,
-                {**known.outcomes, line["outcome"]: int(line["times"])},
-            )
+            outcomes = dict(rows[place].outcomes) if place in rows else {}
+            outcomes[line["outcome"]] = int(line["times"])
+            rows[place] = Row(*place, int(line["number"]), int(line["wrong"]), outcomes)
     return list(rows.values())
 
 
 def page(rows: Sequence[Row]) -> str:
-    """The rows as a table of a page, a line for each kind of fault."""
-    lines = ["| fault | times | places | ended wrong | outcomes |", "|---|---|---|---|---|"]
-    for fault in dict.fromkeys(row.fault for row in rows):
-        own = [row for row in rows if row.fault == fault]
-        total = sum((Counter(row.outcomes) for row in own), Counter[str]())
-        numbers = f"{sum(row.count for row in own)} | {sum(row.count > 0 for row in own)} | {sum(row.wrong for row in own)}"
-        lines.append(
-            f"| {fault} | {numbers} | {', '.join(f'{way}: {times}' for way, times in total.items())} |"
-        )
-    return "\n".join(lines)
-
-
-def _line(row: Row) -> str:
-    outcome = ", ".join(f"{way} {count}" for way, count in row.outcomes.items() if count)
-    return f"{row.fault:12} {row.where:22} {row.count:>7} {row.wrong:>6}  {outcome}"
+    """The table of the page, a line for each kind of fault."""
+    cells = []
+    for total in totals(rows):
+        places = sum(row.fault == total.fault and row.count > 0 for row in rows)
+        outcomes = ", ".join(f"{way}: {times}" for way, times in total.outcomes.items())
+        cells.append((total.fault, total.count, places, total.wrong, outcomes))
+    return markdown(("fault", "times", "places", "ended wrong", "outcomes"), cells)

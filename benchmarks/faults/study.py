@@ -1,4 +1,4 @@
-"""A clone of HEAD with a tiny study, in which `./run` is killed and files are damaged: its phases, and its outcome to compare."""
+"""A clone of HEAD with a tiny study, in which `./run` is killed and files are damaged."""
 
 from __future__ import annotations
 
@@ -12,49 +12,41 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.artefacts import stamps
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = (
-    *(
-        "study=smoke",
-        "search=[F1]",
-        "held_out=[F1star]",
-        "strategies=[random]",
-        "~arms",
-        "+arms={random: random}",
-    ),
+    *("study=smoke", "search=[F1]", "held_out=[F1star]", "strategies=[random]"),
+    *("~arms", "+arms={random: random}"),
     *("campaign.tests=4", "comparison.tests=3", "base_set.images=12", "report.replays=1"),
     *("retraining.iterations=1", "retraining.batch_size=2", "retraining.added_frames=4"),
     *("filter.min_visible_pixels=0", "filter.min_detectability=0"),
     *("simulator.camera.width=160", "simulator.camera.height=96", "simulator.camera.rate_hz=4"),
 )
 """The smallest study with a job of every rule of the default study."""
-MADE = (
-    "data/mlflow",
-    "logs",
-    ".snakemake",
-    ".cache/recorded",
-    "dvc.lock",
-    ".dvc/cache",
-    ".dvc/tmp",
+OUTPUTS = (
+    *("data/mlflow", "logs", ".snakemake", ".cache/recorded"),
+    *("dvc.lock", ".dvc/cache", ".dvc/tmp"),
 )
+"""What runs write beside the study's folder."""
 CLOCKS = ("timings.parquet", "tracking.json")
 """Files that hold times or numbers of MLflow; all others are the same after every run."""
-REGISTERED = (
-    "runs",
-    "registered_models",
-    "model_versions",
-    "logged_models WHERE lifecycle_stage = 'active'",
-    "metrics",
-    "tags",
-)
-"""MLflow's tables that are counted. MLflow keeps a logged model that was deleted: the incomplete one of a killed registration."""
+COUNTED = {
+    "runs": "runs",
+    "registered_models": "registered_models",
+    "model_versions": "model_versions",
+    # MLflow keeps a deleted logged model: the incomplete one of a killed registration.
+    "logged_models": "logged_models WHERE lifecycle_stage = 'active'",
+    "metrics": "metrics",
+    "tags": "tags",
+    "unfinished": "runs WHERE status != 'FINISHED'",
+}
+"""Rows of MLflow's tables."""
 STARTS = (
     (re.compile(r"\++ python -m pipeline (verify|verdict)"), None),
     (re.compile(r"\++ snakemake "), "planning"),
@@ -62,12 +54,15 @@ STARTS = (
     (re.compile(r"\++ record"), "record"),
     (re.compile(r"\++ (dvc commit) "), None),
 )
-"""Lines with which `bash -x run` and Snakemake begin a phase, and its name: the one given, or the line's own."""
+"""Lines with which `bash -x run` and Snakemake begin a phase; its name, or None for the group's."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a finished study consists of. files: digests by path. registered: rows of MLflow's tables. dvc: what `dvc status` reports."""
+    """A finished study.
+
+    files: digests by path. registered: rows of MLflow's tables. dvc: what `dvc status` reports.
+    """
 
     files: dict[str, str]
     registered: dict[str, int]
@@ -75,56 +70,56 @@ class Outcome:
 
     def differences(self, other: Outcome) -> list[str]:
         """The parts in which another outcome differs."""
-        files = [
-            path
-            for path in sorted({*self.files, *other.files})
-            if self.files.get(path) != other.files.get(path)
-        ]
-        return [
-            *files,
-            *(name for name in ("registered", "dvc") if asdict(self)[name] != asdict(other)[name]),
-        ]
+        paths = sorted({*self.files, *other.files})
+        parts = [path for path in paths if self.files.get(path) != other.files.get(path)]
+        parts += ["registered"] if self.registered != other.registered else []
+        return parts + (["dvc"] if self.dvc != other.dvc else [])
 
 
 @dataclass(frozen=True)
 class Run:
-    """A finished or killed `./run`. phases: name and begin of each, in seconds. code: its exit code. said: its output."""
+    """A finished or killed `./run`.
+
+    phases: name and begin of each, in seconds. code: exit code. output: its lines.
+    """
 
     phases: list[tuple[str, float]]
     code: int
-    said: list[str]
+    output: list[str]
     seconds: float
 
     @property
     def killed_in(self) -> str:
+        """The last phase."""
         return self.phases[-1][0]
 
     def durations(self) -> dict[str, float]:
         """The seconds of each phase, in the order of their first begin."""
-        found: dict[str, float] = {}
-        for (name, begin), (_, end) in zip(
-            self.phases, [*self.phases[1:], ("", self.seconds)], strict=True
-        ):
-            found[name] = found.get(name, 0.0) + end - begin
-        return found
+        seconds: dict[str, float] = {}
+        ends = [*self.phases[1:], ("", self.seconds)]
+        for (name, begin), (_, end) in zip(self.phases, ends, strict=True):
+            seconds[name] = seconds.get(name, 0.0) + end - begin
+        return seconds
 
 
 class FaultStudy:
-    """A clone in a folder, which is made anew unless it is of HEAD. overrides: the study, its name first. data: the study's folder."""
+    """A study in a clone, which is cloned anew unless it is of HEAD.
+
+    Args:
+        folder: The clone.
+        overrides: The arguments of `compose`, the study's name first.
+    """
 
     def __init__(self, folder: Path, overrides: Sequence[str] = TINY) -> None:
         self.folder = folder.resolve()
         self.data = folder / "data" / overrides[0].removeprefix("study=")
         self._environment = {**os.environ, "PYTHONPATH": str(self.folder), "CORES": "2"}
-        head = _said(["git", "rev-parse", "HEAD"], ROOT)
-        if (
-            not (folder / ".venv/ready").exists()
-            or _said(["git", "rev-parse", "HEAD"], folder) != head
-        ):
+        ready, command = folder / ".venv/ready", ["git", "rev-parse", "HEAD"]
+        if not ready.exists() or output_of(command, folder) != output_of(command, ROOT):
             shutil.rmtree(folder, ignore_errors=True)
             subprocess.run(["git", "clone", "--quiet", ROOT, folder], check=True)
             self._link_environment()
-            (folder / ".venv/ready").touch()
+            ready.touch()
         self.python("-m", "pipeline", "compose", *overrides)
 
     def _link_environment(self) -> None:
@@ -134,47 +129,45 @@ class FaultStudy:
             (self.folder / ".venv" / file.name).symlink_to(file)
         stamp = self.folder / ".venv/blindspot.stamp"
         stamp.unlink(missing_ok=True)
-        pins = _said(
-            ["bash", "-c", "cat pyproject.toml requirements.lock | sha256sum"], self.folder
-        )
-        stamp.write_text(f"{pins} {self.folder}\n")
+        command = ["bash", "-c", "cat pyproject.toml requirements.lock | sha256sum"]
+        stamp.write_text(f"{output_of(command, self.folder)} {self.folder}\n")
 
     def python(self, *words: str) -> str:
         """The output of our Python in the clone."""
-        return _said([sys.executable, *words], self.folder, self._environment)
+        return output_of([sys.executable, *words], self.folder, self._environment)
 
     def clear(self) -> None:
-        """Remove all that runs made."""
-        for path in (self.data, *(self.folder / name for name in MADE)):
+        """Remove everything that runs wrote."""
+        for path in (self.data, *(self.folder / name for name in OUTPUTS)):
             stamps.remove(path)
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
-        """`./run` with arguments, as the first of its own group of processes; its output tells each command before it runs."""
-        command = ["bash", "-x", "run", *arguments]
-        pipes = {
-            "stdout": subprocess.PIPE,
-            "stderr": subprocess.STDOUT,
-            "stdin": subprocess.DEVNULL,
-        }
-        return subprocess.Popen(  # type: ignore[call-overload, no-any-return]
-            command,
+        """`./run` as the first of its group of processes; its output names each command."""
+        return subprocess.Popen(
+            ["bash", "-x", "run", *arguments],
             cwd=self.folder,
             env=self._environment,
             text=True,
             start_new_session=True,
-            **pipes,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
         )
 
     def run(self, kill_when: Callable[[str], float | None] = lambda phase: None) -> Run:
-        """`./run`. kill_when: told each phase as it begins, the seconds after which all processes are killed with -9, None for not now."""
+        """Execute `./run`.
+
+        Args:
+            kill_when: Called with each phase as it begins; returns the seconds after which all
+                processes are killed with -9, or None.
+        """
         begin = time.monotonic()
         process = self.start()
         assert process.stdout is not None
-        phases, said = [("set-up", 0.0)], []
-        after_s = kill_when("set-up")
-        timer = _kill_after(process, after_s)
+        phases, output = [("set-up", 0.0)], []
+        timer = _kill_after(process, kill_when("set-up"))
         for line in process.stdout:
-            said.append(line.rstrip("\n"))
+            output.append(line.rstrip("\n"))
             if (phase := phase_of(line)) is None:
                 continue
             phases.append((phase, time.monotonic() - begin))
@@ -183,62 +176,39 @@ class FaultStudy:
         code = process.wait()
         if timer is not None:
             timer.cancel()
-        return Run(phases, code, said, time.monotonic() - begin)
+        return Run(phases, code, output, time.monotonic() - begin)
 
     def outcome(self) -> Outcome:
-        """What the study consists of now."""
-        files = {
-            str(path.relative_to(self.data)): _digest(path)
-            for path in sorted(self.data.rglob("*"))
-            if path.is_file()
-        }
-        return Outcome(
-            {path: digest for path, digest in files.items() if not path.endswith(CLOCKS)},
-            dict(self._registered()),
-            _said(
-                [str(Path(sys.executable).with_name("dvc")), "status", "--json"],
-                self.folder,
-                self._environment,
-            ),
-        )
-
-    def _registered(self) -> Iterator[tuple[str, int]]:
-        store = self.folder / "data/mlflow/mlflow.db"
-        if not store.exists():
-            return
-        with closing(sqlite3.connect(store)) as database:
-            for table in REGISTERED:
-                yield table, database.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0]
-            yield (
-                "unfinished",
-                database.execute("SELECT COUNT(*) FROM runs WHERE status != 'FINISHED'").fetchone()[
-                    0
-                ],
-            )
+        """The study as it is now."""
+        files = {}
+        for path in sorted(self.data.rglob("*")):
+            if path.is_file() and not path.name.endswith(CLOCKS):
+                files[str(path.relative_to(self.data))] = file_digest(path)
+        store, registered = self.folder / "data/mlflow/mlflow.db", {}
+        if store.exists():
+            with closing(sqlite3.connect(store)) as database:
+                for name, rows in COUNTED.items():
+                    count = database.execute(f"SELECT COUNT(*) FROM {rows}")
+                    registered[name] = count.fetchone()[0]
+        dvc = [str(Path(sys.executable).with_name("dvc")), "status", "--json"]
+        return Outcome(files, registered, output_of(dvc, self.folder, self._environment))
 
 
 def phase_of(line: str) -> str | None:
     """The phase that begins with a line of a run's output."""
     for pattern, name in STARTS:
-        if found := pattern.match(line):
-            return name or found[1]
+        if match := pattern.match(line):
+            return name or match[1]
     return None
 
 
-def _digest(path: Path) -> str:
+def file_digest(path: Path) -> str:
     """A file's digest; a stamp's without the lines of files that hold clocks."""
-    if path.suffix != stamps.SUFFIX or (stamp := stamps.read(path)) is None:
+    stamp = stamps.read(path) if path.suffix == stamps.SUFFIX else None
+    if stamp is None:
         return stamps.digest(path)
-    return json.dumps(
-        [
-            stamp.depends,
-            {
-                name: value
-                for name, value in sorted(stamp.digests.items())
-                if not name.endswith(CLOCKS)
-            },
-        ]
-    )
+    kept = {name: it for name, it in sorted(stamp.digests.items()) if not name.endswith(CLOCKS)}
+    return json.dumps([stamp.depends, kept])
 
 
 def _kill_after(process: subprocess.Popen[str], seconds: float | None) -> threading.Timer | None:
@@ -255,8 +225,16 @@ def kill(process: subprocess.Popen[str]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def _said(command: Sequence[str], folder: Path, environment: dict[str, str] | None = None) -> str:
-    done = subprocess.run(
+def output_of(
+    command: Sequence[str], folder: Path, environment: dict[str, str] | None = None
+) -> str:
+    """The standard output of a command in a folder; it must succeed."""
+    finished = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=True
     )
-    return done.stdout.strip()
+    return finished.stdout.strip()
+
+
+def say(text: str) -> None:
+    """Print progress."""
+    print(text, file=sys.stderr, flush=True)
