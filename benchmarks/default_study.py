@@ -2,8 +2,8 @@
 
     python -m benchmarks.default_study run 0 1 2        execute and publish; 15 minutes a seed
     python -m benchmarks.default_study run 0 --again    publish a second execution of seed 0
-    python -m benchmarks.default_study run 2 --again --ship    and put its versions into models/published
-    python -m benchmarks.default_study check            compare a finished `study=published` with seed 2
+    python -m benchmarks.default_study run 2 --again --ship    and fill models/published
+    python -m benchmarks.default_study check            compare a finished `study=published`
     python -m benchmarks.default_study answer           the tables of docs/results/default.md
     python -m benchmarks.default_study headline         README's sentences
 

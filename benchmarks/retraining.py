@@ -1,7 +1,7 @@
 """Does adaptive data make a better detector? An experiment in pieces, each a `study=retraining`.
 
-    python -m benchmarks.retraining plan                  the commands of each piece, and its state
-    python -m benchmarks.retraining keep long_tailed 0    publish the piece that data/retraining holds
+    python -m benchmarks.retraining plan                  the commands of each piece
+    python -m benchmarks.retraining keep long_tailed 0    publish what data/retraining holds
     python -m benchmarks.retraining answer                the tables
 
 A piece is one base detector and one seed, with its own searches and retrained versions; all pieces
@@ -50,7 +50,7 @@ FOLDER = RESULTS / "retraining"
 SEEDS = range(5)
 BASES = {
     "long_tailed": "",
-    # Without a rare group, new scenes are balanced anyway; three arms fewer save a third of the time.
+    # New scenes are balanced anyway; three arms fewer save a third of the time.
     "uniform": (
         "base.weights=models/uniform base_set.rare.children=1 base_set.rare.crouching=1"
         " strategies=[random,mixed,untold] ~arms.fresh ~arms.pairwise ~arms.coverage"
@@ -215,7 +215,8 @@ def answer(outcomes: Mapping[Piece, pd.DataFrame]) -> str:
     for base in BASES:
         counts = [failures(table) for piece, table in outcomes.items() if piece[0] == base]
         names = [name for name in VERSIONS if counts and name in counts[0]]
-        failed[base] = {name: np.array([count[name] for count in counts]) for name in names}
+        table = pd.DataFrame(counts)
+        failed[base] = {name: table[name].to_numpy() for name in names}
         for name in names:
             if name != "adaptive":
                 contrasts[base, name] = Contrast.of(failed[base], name)

@@ -39,7 +39,7 @@ SUBMITTED = re.compile(
 DOWN_S = 25.0
 """Time for which the node is down; SLURM counts a job as lost if the node forgets it for 20 s."""
 RUNS = 4
-"""Most runs until the study is finished: one more than the faults that end Snakemake, and a spare."""
+"""Most runs until the study is finished, one of them to spare."""
 
 
 def cancelled(job: str, process: subprocess.Popen[str]) -> None:
