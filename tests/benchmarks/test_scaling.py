@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import scaling
+from benchmarks import scaling
 
 MEASURED = {
     "workers": {("1", "round 0"): 0.5},
