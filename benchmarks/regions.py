@@ -120,8 +120,8 @@ def precisions(tests: Outcomes, groups: Sequence[Group]) -> tuple[float, float]:
     for group in groups:
         inside = group.rule.holds(tests.points)
         trained += (tests.failed & inside).sum(), inside.sum()
-        held += held_back(tests, group)
-    return trained[0] / max(1, trained[1]), held[0] / max(1, held[1])
+        held += held_back(tests, group)  # Tests, then failures.
+    return trained[0] / max(1, trained[1]), held[1] / max(1, held[0])
 
 
 def overlap(first: Bools, second: Bools) -> float:
