@@ -77,66 +77,6 @@ def mean_interval(
     return max(mean - half, limits[0]), min(mean + half, limits[1])
 
 
-def bootstrap_mean(
-    values: ArrayLike, rng: np.random.Generator, confidence: float
-) -> tuple[float, float]:
-    """Percentile bootstrap interval of the mean of (n,) values, one per seed (Efron & Tibshirani 1993, section 13.3)."""
-    return bootstrap_ratio(values, np.ones(np.shape(values)), rng, confidence)
-
-
-def bootstrap_ratio(
-    values: ArrayLike,
-    reference: ArrayLike,
-    rng: np.random.Generator,
-    confidence: float = 0.95,
-    draws: int = 10_000,
-) -> tuple[float, float]:
-    """Percentile bootstrap interval of the ratio of two means, for (n,) paired values at least 0: each draw resamples the pairs.
-
-    A draw whose reference is 0 gives infinity; one with 0 over 0 says nothing and is left out. (NaN, NaN) if every draw is. Percentiles are
-    values of draws, never between two of them.
-    """
-    above, below = np.asarray(values, dtype=float), np.asarray(reference, dtype=float)
-    if (
-        above.shape != below.shape
-        or above.ndim != 1
-        or not len(above)
-        or not (np.isfinite(above) & np.isfinite(below)).all()
-    ):
-        raise ValueError(
-            f"values and reference must be equally many finite numbers, one or more, got {above} and {below}"
-        )
-    _check_confidence(confidence)
-    rows = rng.integers(len(above), size=(draws, len(above)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = above[rows].sum(axis=1) / below[rows].sum(axis=1)
-    ratios = ratios[~np.isnan(ratios)]
-    if not len(ratios):
-        return np.nan, np.nan
-    low, high = np.quantile(
-        ratios, [(1 - confidence) / 2, (1 + confidence) / 2], method="inverted_cdf"
-    )
-    return float(low), float(high)
-
-
-def vargha_delaney(first: ArrayLike, second: ArrayLike) -> float:
-    """The probability A12 that a value of `first` (n,) is larger than one of `second` (m,), ties counted half, in [0, 1].
-
-    0.5 means no difference. Source: Vargha & Delaney 2000, Eq. 13.
-    """
-    a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    if (
-        a.ndim != 1
-        or b.ndim != 1
-        or not len(a)
-        or not len(b)
-        or np.isnan(a).any()
-        or np.isnan(b).any()
-    ):
-        raise ValueError(f"first and second must be lists of one or more numbers, got {a} and {b}")
-    return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)))
-
-
 @dataclass(frozen=True)
 class CensoredMean:
     """A mean over campaigns and the limits of its interval; `censored` of their values are only known to be larger than observed."""
