@@ -1,7 +1,7 @@
 """Faults on purpose, and how each ends: one table, exit code 1 if one ends as it should not.
 
     python -m benchmarks.faults --kills 100 --configs 2000 --damage 500 --repairs 40 --keep
-    python -m benchmarks.faults --published             the table of docs/results/faults.md
+    python -m benchmarks.faults.report                  the table of docs/results/faults.md
 
 --kills and --repairs execute a tiny study in a clone of HEAD: a minute of processor time for each
 study and ten seconds for each fault. They print their progress, and resume after the last finished
@@ -18,7 +18,7 @@ from benchmarks.faults.configs import configs
 from benchmarks.faults.damage import damage
 from benchmarks.faults.kills import kills
 from benchmarks.faults.repairs import repairs
-from benchmarks.faults.report import keep, page, published, table
+from benchmarks.faults.report import keep, table
 from benchmarks.faults.study import FaultStudy
 
 KINDS = {
@@ -39,11 +39,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, default=Path(".cache/faults"), help="for the clone")
     parser.add_argument("--keep", action="store_true", help="publish the rows")
-    parser.add_argument("--published", action="store_true", help="only print the published table")
     options = parser.parse_args()
-    if options.published:
-        print(page(published()))
-        return 0
     rows = configs(options.configs, options.seed) if options.configs else []
     rows += damage(options.damage, options.seed) if options.damage else []
     if options.kills or options.repairs:

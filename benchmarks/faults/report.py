@@ -1,4 +1,4 @@
-"""The one table of all fault programs."""
+"""The one table of all fault programs; `python -m benchmarks.faults.report` prints the page's."""
 
 from __future__ import annotations
 
@@ -89,3 +89,7 @@ def page(rows: Sequence[Row]) -> str:
         outcomes = ", ".join(f"{way}: {times}" for way, times in total.outcomes.items())
         cells.append((total.fault, total.count, places, total.wrong, outcomes))
     return markdown(("fault", "times", "places", "ended wrong", "outcomes"), cells)
+
+
+if __name__ == "__main__":
+    print(page(published()))

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
 import pandas as pd
 import pytest
 
 from benchmarks import regions
-from tests.planted import WORLDS
 
 
-def test_rules_of_a_planted_world_are_precise_in_their_own_and_in_held_back_tests() -> None:
-    tests = WORLDS["two boxes"].outcomes(0)
-    precision, held_back = regions.precisions(tests, regions.grouped(tests))
-    assert precision == 1 and 0.9 < held_back <= 1
+def test_shares_of_failures_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two rules over four tests: three of five tests in their own rules fail, six of ten later."""
+    monkeypatch.setattr(regions, "held_back", lambda tests, group: (5, 3))
+    tests: Any = SimpleNamespace(points=None, failed=np.array([True, True, False, False]))
+    groups: Any = []
+    for inside in ([True, False, True, False], [True, True, True, False]):
+        rule = SimpleNamespace(holds=lambda points, inside=inside: np.array(inside))
+        groups.append(SimpleNamespace(rule=rule))
+    assert regions.precisions(tests, groups) == (3 / 5, 6 / 10)
+    assert np.isnan(regions.precisions(tests, [])).all()
 
 
 def test_planted_and_random_worlds_have_a_table_each() -> None:

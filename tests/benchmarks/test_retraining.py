@@ -153,11 +153,8 @@ def long_tailed(
 
 def rows(answer: str, version: str) -> list[list[str]]:
     """The cells of a version's row in the table of each base."""
-    return [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in answer.splitlines()
-        if line.startswith(f"| `{version}`")
-    ]
+    lines = [line for line in answer.splitlines() if line.startswith(f"| `{version}`")]
+    return [line.strip("| ").split(" | ") for line in lines]
 
 
 def row(answer: str, version: str) -> list[str]:
@@ -171,7 +168,7 @@ def test_means_and_intervals_by_hand() -> None:
         "3 of 10 pieces are published." in answer
         and "3 searches, 100 held-out tests each" in answer
     )
-    # Differences -10, -8, -6: mean -8, standard error 2 / sqrt(3), t quantile 4.303 with two degrees of freedom.
+    # Differences -10, -8, -6: mean -8, standard error 2 / sqrt(3), t quantile 4.303.
     assert row(answer, "random") == [
         "`random`",
         "20, 20, 20",
@@ -251,6 +248,6 @@ def test_a_failure_stays_if_nearly_all_versions_that_learnt_from_tests_have_it()
     }
     assert cells["| failures"] == ["F1\\*", "F2\\*", "all |"]
     assert cells["| mean of `base`"] == ["50.0", "0.0", "50.0 |"]
-    # Ten versions: all have the tests 0 to 8, nine of them test 9; the mean of `adaptive` is that of 10, 12, 14, 10 and 10.
+    # Ten versions: all have the tests 0 to 8, nine of them test 9. `adaptive`: 10, 12, 14, 10, 10.
     assert cells["| left by 90 % of the versions that learnt from tests"] == ["10", "0", "10 |"]
     assert cells["| mean of `adaptive`"] == ["11.2", "50.0", "61.2 |"]
