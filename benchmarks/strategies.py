@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -102,7 +102,9 @@ def campaign(job: tuple[str, int], overrides: list[str]) -> dict[str, Any]:
     return row
 
 
-def search(sampler: Sampler, kpi: Any, tests: int) -> tuple[Floats, Floats, float]:
+def search(
+    sampler: Sampler, kpi: Callable[[Floats], Floats], tests: int
+) -> tuple[Floats, Floats, float]:
     """Points (tests, d), KPI (tests,) in order, and the CPU-seconds of asking and telling."""
     points: list[Floats] = []
     values: list[Floats] = []
