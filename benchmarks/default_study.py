@@ -270,7 +270,7 @@ def answer(studies: Studies, minutes: Sequence[float]) -> str:
     rows = []
     for seed, table in studies.outcomes.items():
         counts, verdict = failures(table), studies.verdicts.loc[seed]
-        row = [seed, len(valid(table)), *(counts[name] for name in VERSIONS)]
+        row: list[object] = [seed, len(valid(table)), *(counts[name] for name in VERSIONS)]
         row += [p_text(p_value(table, name)) for name in ("base", "control")]
         row += [f"`{verdict['champion']}`", minutes_text(verdict["minutes"])]
         rows.append(row)

@@ -198,7 +198,7 @@ def leaves(plain: Any, key: str = "") -> dict[str, Any]:
     """The values of nested tables by dotted key; an empty table is a value."""
     if not isinstance(plain, dict) or not plain:
         return {key: plain}
-    values = {}
+    values: dict[str, Any] = {}
     for name, part in plain.items():
         values |= leaves(part, f"{key}.{name}" if key else name)
     return values

@@ -201,9 +201,9 @@ def processes(job: str) -> list[int]:
         if command.startswith(f"slurmstepd: [{job}."):
             numbers.append(int(pid))
     for number in numbers:  # Grows below.
-        for pid, parent in parents.items():
-            if parent == number and pid not in numbers:
-                numbers.append(pid)
+        for child, above in parents.items():
+            if above == number and child not in numbers:
+                numbers.append(child)
     return numbers
 
 

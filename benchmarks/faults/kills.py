@@ -38,8 +38,8 @@ class State:
 def kills(study: FaultStudy, count: int, seed: int) -> list[Row]:
     """A row for each phase after at least `count` kills; resumes after its last finished pass."""
     path = study.folder / STATE
-    stored = read_json(path) if path.exists() else {"seed": None}
-    if stored["seed"] == seed:
+    stored = read_json(path) if path.exists() else None
+    if stored is not None and stored["seed"] == seed:
         passes = [(list(phases), list(errors)) for phases, errors in stored["passes"]]
         state = State(seed, Outcome(**stored["whole"]), stored["durations"], passes)
     else:
