@@ -1,11 +1,13 @@
-"""Coverage and covering arrays against published figures: sizes, counting, large tables, feasible cells, proposals.
+"""Coverage and covering arrays: sizes, counting, large tables, feasible cells, proposals.
 
-    python benchmarks/coverage.py [arrays] [sizes] [counting] [tables] [cells] [proposals]
+    python -m benchmarks.coverage [arrays] [sizes] [counting] [tables] [cells] [proposals]
                                   [--cpu-seconds 60] [--models FOLDER] [--only NAME ...]
 
-arrays makes covering arrays, checks them and records their sizes beside the results page; sizes prints the page's table. others: the
-best default size of PICT, jenny, allpairspy, coverwise, testflows-combinatorics and covertable, or of ACTS, measured once; best: the
-smallest published size, or a lower bound that is reached. --models: a folder of space files; published sizes are looked up by name.
+`arrays` makes covering arrays, checks them and publishes their sizes; `sizes` prints the table of
+docs/results/coverage.md. `other tools` is the best default size of PICT, jenny, allpairspy,
+coverwise, testflows-combinatorics and covertable, or of ACTS under constraints, measured once.
+`best known` is the smallest published size, or a lower bound that is reached. --models: a folder of
+space files, whose published sizes are looked up by name.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
+from benchmarks.shared import RESULTS, markdown
 from pipeline.artefacts.space_file import read_space_file
+from pipeline.config.composing import compose
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.arrays import CoveringArray, Effort, covering_array
 from pipeline.core.coverage.counting import CellCounts
@@ -57,7 +61,7 @@ SPACES: dict[str, tuple[tuple[int, ...], int, int, int]] = {
     "thesis": ((11, 11, 12, 12, 11, 13, 6, 74), 2, 962, 962),
 }
 """Sizes, strength, others, best."""
-PUBLISHED = {
+KNOWN_SIZES = {
     "spins": (26, 19),
     "bugzilla": (19, 16),
     "apache": (33, 30),
@@ -72,215 +76,179 @@ PUBLISHED = {
 NAMES = ("sunny", "cloudy", "rainy", "foggy")
 TABLE_PIECE = 250_000
 """Rows that are made at a time."""
-OUT = Path(__file__).parents[1] / "docs" / "results" / "coverage.csv"
+PUBLISHED = RESULTS / "coverage.csv"
 
 
 def arrays(seconds: float, models: Path | None, only: Collection[str]) -> None:
-    """Record sizes: quick, and polished for so many seconds of processor time."""
-    problems = [
-        (name, Constraints(sizes), strength, others, best)
-        for name, (sizes, strength, others, best) in SPACES.items()
-    ]
+    """Publish sizes: quick, and polished for so many seconds of processor time."""
+    problems = []
+    for name, (sizes, strength, others, best) in SPACES.items():
+        problems.append((name, Constraints(sizes), strength, others, best))
     for path in sorted(models.glob("*.yaml")) if models else []:
-        problems.append(
-            (path.stem, read_space_file(path).constraints, 2, *PUBLISHED.get(path.stem, (0, 0)))
-        )
-    order = [name for name, *_ in problems]
+        limits = read_space_file(path).constraints
+        problems.append((path.stem, limits, 2, *KNOWN_SIZES.get(path.stem, (0, 0))))
     for clauses in ((), ((Literal(0, 0), Literal(1, 0)),)):
         covering_array(Constraints((2, 2, 2, 2), clauses), 2, effort=Effort(0.1))  # Compiles.
     for name, limits, strength, others, best in problems:
         if only and name not in only:
             continue
-        begun = time.process_time()
+        begin = time.process_time()
         quick = covering_array(limits, strength)
-        taken = time.process_time() - begun
-        polished, reached = polish(limits, strength, seconds)
+        quick_s = time.process_time() - begin
+        polished, reached_s = polish(limits, strength, seconds)
         for array in (quick, polished):
             checked = verify(array.rows, limits, strength)
             assert checked.valid and checked.cells == array.cells, name
-        row = {
-            "space": name,
-            "cells": quick.cells,
-            "others": others,
-            "best": best,
-            "bound": polished.lower_bound,
-        }
-        row |= {
-            "quick": quick.size,
-            "quick_s": round(taken, 2),
-            "polished": polished.size,
-            "reached_s": round(reached, 1),
-            "limit_s": seconds,
-        }
+        row = {"space": name, "cells": quick.cells, "others": others, "best": best}
+        row |= {"bound": polished.lower_bound, "quick": quick.size, "quick_s": round(quick_s, 2)}
+        row |= {"polished": polished.size, "reached_s": round(reached_s, 1), "limit_s": seconds}
         print(row, flush=True)
-        record(row, order)
+        publish(row, [problem[0] for problem in problems])
 
 
 def polish(limits: Constraints, strength: int, seconds: float) -> tuple[CoveringArray, float]:
     """The polished array, and the processor time after which it had its size."""
-    begun, last = time.process_time(), [0, 0.0]
+    begin, last = time.process_time(), [0, 0.0]
 
-    def told(share: float, size: int, bound: int) -> None:
+    def report(share: float, size: int, bound: int) -> None:
         if size != last[0]:
-            last[:] = size, time.process_time() - begun
+            last[:] = size, time.process_time() - begin
 
-    array = covering_array(limits, strength, effort=Effort(seconds, told, processor=True))
-    return array, last[1] if last[0] == array.size else time.process_time() - begun
+    array = covering_array(limits, strength, effort=Effort(seconds, report, processor=True))
+    return array, last[1] if last[0] == array.size else time.process_time() - begin
 
 
-def record(row: dict[str, object], order: list[str]) -> None:
-    """Write a row into the recorded table, in place of the one of the same space."""
-    known = pd.read_csv(OUT).to_dict("records") if OUT.exists() else []
-    rows = [other for other in known if other["space"] != row["space"]] + [row]
-    rows.sort(
-        key=lambda found: order.index(found["space"]) if found["space"] in order else len(order)
-    )
-    pd.DataFrame(rows).to_csv(OUT, index=False)
+def publish(row: dict[str, object], order: list[str]) -> None:
+    """Put a row in the place of the one of the same space, in the given order of spaces."""
+    earlier = pd.read_csv(PUBLISHED).to_dict("records") if PUBLISHED.exists() else []
+    rows = [*(other for other in earlier if other["space"] != row["space"]), row]
+    places = {name: place for place, name in enumerate(order)}
+    rows.sort(key=lambda each: places.get(each["space"], len(order)))
+    pd.DataFrame(rows).to_csv(PUBLISHED, index=False)
 
 
 def sizes() -> None:
-    """Print the recorded sizes as the page's table."""
-    print(
-        "| space | cells | other tools | best known | bound | quick | seconds | polished | reached after | limit |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|---|")
-    for row in pd.read_csv(OUT).itertuples():
-        known = " | ".join(str(number or "") for number in (row.others, row.best))
-        times = f"{row.quick} | {row.quick_s:.2f} | {row.polished} | {row.reached_s:.1f} s | {row.limit_s:.0f} s"
-        print(f"| {row.space} | {row.cells:,} | {known} | {row.bound} | {times} |")
+    """Print the published sizes as the page's table."""
+    names = ("space", "cells", "other tools", "best known", "bound", "quick", "seconds")
+    rows = []
+    for row in pd.read_csv(PUBLISHED).itertuples():
+        sizes = (row.others or "", row.best or "", row.bound, row.quick)
+        times = (f"{row.quick_s:.2f}", row.polished, f"{row.reached_s:.1f} s")
+        rows.append((row.space, f"{row.cells:,}", *sizes, *times, f"{row.limit_s:.0f} s"))
+    print(markdown((*names, "polished", "reached after", "limit"), rows))
 
 
 def counting() -> None:
     """All counts of a million points, 50 conditions of four values, k = 3."""
     points = np.random.default_rng(0).integers(0, 4, (1_000_000, 50))
     CellCounts((4,) * 50, 3).add(points[:5000])  # Compiles.
-    begun = time.perf_counter()
+    begin = time.perf_counter()
     CellCounts((4,) * 50, 3).add(points)
-    ours = time.perf_counter() - begun
+    ours = time.perf_counter() - begin
     columns = np.ascontiguousarray(points.T.astype(np.uint8))
-    planes, begun = list(combinations(range(50), 3)), time.perf_counter()
+    planes, begin = list(combinations(range(50), 3)), time.perf_counter()
     for i, j, k in planes[:40]:
         np.bincount(columns[i] * np.uint8(16) + columns[j] * np.uint8(4) + columns[k], minlength=64)
-    theirs = (time.perf_counter() - begun) / 40 * len(planes)
+    theirs = (time.perf_counter() - begin) / 40 * len(planes)
     bincount = f"numpy.bincount {theirs:.0f} s (from 40 planes), {theirs / ours:.0f} times"
     print(f"counting 10^6 x 50 x 4 values, k = 3: {ours:.2f} s on one core; {bincount}")
 
 
 def tables() -> None:
-    """The whole command `coverage score` on tables of 50 conditions of four names, k = 3: time and the largest memory."""
+    """Time and largest memory of `coverage score` on tables of 50 conditions of four names."""
     for rows, suffix in ((10**6, "parquet"), (10**6, "csv"), (10**7, "parquet")):
         with TemporaryDirectory() as folder:
             space, table = Path(folder) / "space.yaml", Path(folder) / f"points.{suffix}"
-            space.write_text(
-                "variables:\n" + "".join(f"  c{i}: {{values: {[*NAMES]}}}\n" for i in range(50))
-            )
-            _write_names(table, rows)
-            command = [
-                sys.executable,
-                "-m",
-                "pipeline",
-                "coverage",
-                "score",
-                "--space",
-                str(space),
-                "--points",
-                str(table),
-                "--k",
-                "3",
-            ]
-            begun = time.perf_counter()
+            lines = [f"  c{i}: {{values: {[*NAMES]}}}\n" for i in range(50)]
+            space.write_text("variables:\n" + "".join(lines))
+            write_names(table, rows)
+            command = [sys.executable, "-m", "pipeline", "coverage", "score", "--k", "3"]
+            command += ["--space", str(space), "--points", str(table)]
+            begin = time.perf_counter()
             process = subprocess.Popen(
                 command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
             )
             _, code, used = os.wait4(process.pid, 0)
-            seconds, megabytes = time.perf_counter() - begun, used.ru_maxrss / 1024
+            seconds, megabytes = time.perf_counter() - begin, used.ru_maxrss / 1024
             if code:
                 raise SystemExit(f"{' '.join(command)}: ended with {code}")
-            took = f"{seconds:.1f} s, {used.ru_utime:.1f} s of processor time, {megabytes:.0f} MB"
-            print(f"score of {rows:,} rows of 50 names, {suffix}: {took}")
+            print(
+                f"score of {rows:,} rows of 50 names, {suffix}: {seconds:.1f} s, "
+                f"{used.ru_utime:.1f} s of processor time, {megabytes:.0f} MB"
+            )
 
 
-def _write_names(path: Path, rows: int) -> None:
-    """A table of 50 columns of random names, written in pieces."""
+def write_names(path: Path, rows: int) -> None:
+    """Write a table of 50 columns of random names, in pieces."""
     rng, columns = np.random.default_rng(0), [f"c{i}" for i in range(50)]
     schema = pa.schema([(column, pa.string()) for column in columns])
-    with (
-        pq.ParquetWriter(path, schema)
-        if path.suffix == ".parquet"
-        else pa_csv.CSVWriter(path, schema) as writer
-    ):
+    open_writer = pq.ParquetWriter if path.suffix == ".parquet" else pa_csv.CSVWriter
+    with open_writer(path, schema) as writer:
         for _ in range(rows // TABLE_PIECE):
             places = rng.integers(0, len(NAMES), (50, TABLE_PIECE))
-            writer.write_table(
-                pa.table([pa.array(NAMES).take(pa.array(row)) for row in places], schema)
-            )
+            arrays = [pa.array(NAMES).take(pa.array(row)) for row in places]
+            writer.write_table(pa.table(arrays, schema))
 
 
 def cells() -> None:
     """Feasible pairs of 50 conditions with 100 random clauses of three literals."""
     rng = random.Random(1)
     for values in (2, 4):
-        clauses = tuple(
-            tuple(
-                Literal(v, rng.randrange(values), rng.random() < 0.5)
-                for v in rng.sample(range(50), 3)
-            )
-            for _ in range(100)
-        )
-        constraints, begun = Constraints((values,) * 50, clauses), time.perf_counter()
-        feasible = sum(
-            int(constraints.feasible_cells(pair).sum()) for pair in combinations(range(50), 2)
-        )
+        clauses = []
+        for _ in range(100):
+            chosen = rng.sample(range(50), 3)
+            clause = [Literal(v, rng.randrange(values), rng.random() < 0.5) for v in chosen]
+            clauses.append(tuple(clause))
+        constraints, begin = Constraints((values,) * 50, tuple(clauses)), time.perf_counter()
+        pairs = combinations(range(50), 2)
+        feasible = sum(int(constraints.feasible_cells(pair).sum()) for pair in pairs)
+        milliseconds = 1000 * (time.perf_counter() - begin)
         print(
-            f"feasible pairs, 50 conditions of {values} values, 100 clauses: {feasible} in {1000 * (time.perf_counter() - begun):.0f} ms"
+            f"feasible pairs, 50 conditions of {values} values: {feasible} in {milliseconds:.0f} ms"
         )
 
 
 def proposals() -> None:
-    """A proposal at n = 50, k = 2 against the exact solver's after 20 s; the paper's domain by batches."""
+    """A proposal at n = 50, k = 2 against the exact solver's; the paper's domain by batches."""
     limits = Constraints((4,) * 50)
     proposer, rows = Proposer(Demand(limits, 2)), covering_array(limits).rows
     proposer.propose(rows[:5])  # Compiles.
-    for known in (0, 10, 25):
-        begun = time.perf_counter()
-        quick = proposer.propose(rows[:known])
-        taken = time.perf_counter() - begun
-        exact = proposer.propose_exact(rows[:known], time_limit_s=20)
+    for points in (0, 10, 25):
+        begin = time.perf_counter()
+        quick = proposer.propose(rows[:points])
+        milliseconds = 1000 * (time.perf_counter() - begin)
+        exact = proposer.propose_exact(rows[:points], time_limit_s=20)
         assert quick is not None and exact is not None
-        solver = f"after 20 s of HiGHS {exact.gain}, at most {exact.bound}"
         print(
-            f"proposal, 50 conditions, {known} points there: gain {quick.gain} in {1000 * taken:.0f} ms; {solver}"
+            f"proposal, 50 conditions, {points} points: {quick.gain} in {milliseconds:.0f} ms; "
+            f"after 20 s of HiGHS {exact.gain}, at most {exact.bound}"
         )
-    from pipeline.config.composing import compose
-
     domain = compose("front_car", []).front_car.space
     every, front = domain.feasible_points(), Proposer(Demand(domain.space().constraints, 2))
     batches, single, slowest = [], [], 0.0
     for seed in range(20):
-        points = every[np.random.default_rng(seed).choice(len(every), 5, replace=False)]
-        begun = time.perf_counter()
-        front.propose_exact(points)
-        slowest = max(slowest, time.perf_counter() - begun)
-        single.append(sum(1 for _ in front.complete(points, exact=True)))
-        batches.append(_fewest(front, points))
-    nothing = _fewest(front, every[:0])
+        drawn = every[np.random.default_rng(seed).choice(len(every), 5, replace=False)]
+        begin = time.perf_counter()
+        front.propose_exact(drawn)
+        slowest = max(slowest, time.perf_counter() - begin)
+        single.append(sum(1 for _ in front.complete(drawn, exact=True)))
+        batches.append(fewest(front, drawn))
     print(
-        f"front-car domain, 20 draws of 5 points: an exact proposal takes at most {1000 * slowest:.0f} ms;"
-    )
-    batch = f"{np.mean(batches):.1f} (at most {max(batches)}) in a batch"
-    print(
-        f"  to full coverage {np.mean(single):.1f} points one by one, {batch}; from nothing {nothing}"
+        f"front-car domain, 20 draws of 5 points: an exact proposal takes at most "
+        f"{1000 * slowest:.0f} ms; to full coverage {np.mean(single):.1f} points one by one, "
+        f"{np.mean(batches):.1f} (at most {max(batches)}) in a batch; "
+        f"from nothing {fewest(front, every[:0])}"
     )
 
 
-def _fewest(proposer: Proposer, points: np.ndarray) -> int:
+def fewest(proposer: Proposer, points: np.ndarray) -> int:
     """Points that a batch needs for full coverage."""
     missing = int(proposer.missing(points).sum())
-    return next(
-        n
-        for n in range(1, 20)
-        if (found := proposer.propose(points, n)) is not None and found.gain == missing
-    )
+    for size in range(1, 20):
+        batch = proposer.propose(points, size)
+        if batch is not None and batch.gain == missing:
+            return size
+    raise ValueError("expected full coverage by at most 19 points")
 
 
 def main() -> None:

@@ -1,9 +1,10 @@
-"""CPU-seconds of a closed-loop test execution, by part.
+"""CPU-seconds of a closed-loop test, by part.
 
-    python benchmarks/execution.py [--tests 40] [--scenario F1 ...] [--model models/uniform] [--camera 640x384]
+    python -m benchmarks.execution [--tests 40] [--scenario F1 ...] [--model models/uniform]
+                                   [--camera 640x384]
 
-Runs random tests in one process with one thread and times the parts of each frame. CPU time, not wall time, so that other
-load on the machine does not matter.
+Runs random tests in one process with one thread and times the parts of each frame. It is CPU time,
+not wall time, so that other load on the machine matters little.
 """
 
 from __future__ import annotations
@@ -19,14 +20,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from pipeline.config.components import make_simulator
+from pipeline.config.components import make_world
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.config.schema import Config
+from pipeline.core.loop import run_test
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.weights import load_weights
 from pipeline.simulators.mujoco import camera, lens
-from pipeline.simulators.mujoco.simulator import MujocoSimulator
+from pipeline.simulators.mujoco.world import MujocoWorld
 
 SPENT: dict[str, float] = defaultdict(float)
 
@@ -56,10 +58,13 @@ def main() -> None:
     )
     options = parser.parse_args()
     config = compose("default", [f"camera={options.camera}"])
-    camera.Camera.shoot = timed("frame", camera.Camera.shoot)  # type: ignore[method-assign]
-    camera.Camera._truth = timed("ground truth", camera.Camera._truth)  # type: ignore[method-assign]
-    lens.Lens.expose = timed("weather", lens.Lens.expose)  # type: ignore[method-assign]
-    OnnxDetector.detect = timed("inference", OnnxDetector.detect)  # type: ignore[method-assign]
+    for kind, method, part in (
+        (camera.Camera, "shoot", "frame"),
+        (camera.Camera, "_truth", "ground truth"),
+        (lens.Lens, "expose", "weather"),
+        (OnnxDetector, "detect", "inference"),
+    ):
+        setattr(kind, method, timed(part, getattr(kind, method)))
     with tempfile.TemporaryDirectory() as folder:
         onnx, settings = Path(folder) / "model.onnx", config.simulator["camera"]
         # At the camera's size, whatever size the weights learnt from: the cost is the same.
@@ -77,19 +82,18 @@ def measure(config: Config, name: str, tests: int, detector: OnnxDetector) -> No
     described = functional_scenario(name)
     space = described.logical_space()
     cv2.setNumThreads(1)  # As in worker processes; waiting threads count as CPU time.
-    simulator = make_simulator(config.simulator, described, config.car)
-    assert isinstance(simulator, MujocoSimulator)
-    simulator.execute(
-        space.decode(space.sample(1, np.random.default_rng(0))[0]), detector
-    )  # Warm up.
+    world = make_world(config.simulator, described, config.car.vehicle)
+    assert isinstance(world, MujocoWorld)
+    warm_up = space.sample(1, np.random.default_rng(0))[0]
+    run_test(world, detector, config.car, space.decode(warm_up))
     SPENT.clear()
     whole, frames = [], 0
     for point in space.sample(tests, np.random.default_rng(1)):
         start = time.process_time()
-        episode = simulator.execute(space.decode(point), detector)
+        episode = run_test(world, detector, config.car, space.decode(point))
         whole.append(time.process_time() - start)
         frames += len(episode.signals["time_s"]) - 1
-    simulator.close()
+    world.close()
     render = SPENT["frame"] - SPENT["ground truth"] - SPENT["weather"]
     parts = {
         "render": render,
@@ -99,9 +103,7 @@ def measure(config: Config, name: str, tests: int, detector: OnnxDetector) -> No
     }
     parts["rest"] = sum(whole) - sum(parts.values())
     spread = f"median; mean {np.mean(whole):.2f}, longest {max(whole):.2f}"
-    print(
-        f"{name}: {np.median(whole):.2f} CPU-s per test ({spread}), {frames / tests:.1f} frames per test"
-    )
+    print(f"{name}: {np.median(whole):.2f} CPU-s a test ({spread}), {frames / tests:.1f} frames")
     for part, seconds in parts.items():
         print(f"  {part:<13}{seconds / frames * 1e3:6.2f} ms per frame {seconds / sum(whole):6.1%}")
 

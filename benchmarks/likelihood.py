@@ -1,12 +1,13 @@
-"""Measures whether the intervals of failure rates hold: estimators on failures whose rate is known, many times over.
+"""Do the intervals of failure rates hold? Estimators on failures whose rate is known, many times.
 
-    python benchmarks/likelihood.py run [--repeats 400] [--only subset] [--processes 2]   writes docs/results/likelihood.csv
-    python benchmarks/likelihood.py show                                                  prints its table
+    python -m benchmarks.likelihood run [--repeats 400] [--only subset] [--processes 2]
+    python -m benchmarks.likelihood show          the table of docs/results/likelihood.md
 
-Finished estimates stay in .cache/likelihood until the method's code or this file changes, so the same command resumes a killed run.
+Finished estimates stay in .cache/likelihood until the method's code or this file changes, so the
+same command resumes a killed run.
 
-The space has seven variables and two regimes. The failures are a half-space, a box, two separate modes at opposite ends of a variable, and
-one rare category; two modes that near misses do not announce alike come last.
+The space has seven variables and two regimes. The failures are a half-space, a box, two modes at
+opposite ends of a variable, one rare category, and two modes of which only one shows near misses.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from multiprocessing.pool import Pool
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
+from benchmarks.shared import RESULTS, markdown
 from pipeline.artefacts.files import sha256
 from pipeline.core.exposure import Exposure
 from pipeline.core.likelihood.estimator import Estimator
@@ -34,7 +36,7 @@ from pipeline.core.likelihood.subset import SubsetSimulation
 from pipeline.core.space import Floats, Space, Variable
 from pipeline.sources import code_digest
 
-OUT = Path("docs/results/likelihood.csv")
+OUT = RESULTS / "likelihood.csv"
 DONE = Path(".cache/likelihood")
 KINDS = tuple("abcdefgh")
 SPACE = Space(
@@ -105,7 +107,7 @@ def category(rate: float) -> Kpi:
 
 
 def uneven_modes(rate: float) -> Kpi:
-    """Low x, and high y or rather its complement, half of the rate each: the KPI falls towards y only close to it."""
+    """Low x, and high y, half of the rate each: the KPI falls towards high y only close to it."""
     low, high = _lowest(rate / 2), (rate / 2) / (1 - rate / 2)
     return lambda points: np.where(
         points[:, 0] <= low, -1.0, np.minimum(points[:, 0] - low, 1 - points[:, 1] - high)
@@ -145,7 +147,7 @@ def monte_carlo(case: str, seed: int) -> tuple[float, Rate]:
     return 0.02, estimated(made(MonteCarlo, seed, 2000, batch_size=2000), CASES[case](0.02))
 
 
-def looking(case: str, seed: int) -> tuple[float, Rate]:
+def monte_carlo_below(case: str, seed: int) -> tuple[float, Rate]:
     """Monte Carlo that stops once the rate is known to lie below or above 3 %."""
     return 0.02, estimated(made(MonteCarlo, seed, 4000, below=0.03), CASES[case](0.02))
 
@@ -181,7 +183,7 @@ def system(case: str, seed: int) -> tuple[float, Rate]:
 
 METHODS: Mapping[str, tuple[Callable[[str, int], tuple[float, Rate]], str]] = {
     "monte_carlo": (monte_carlo, "monte_carlo"),
-    "monte_carlo, below": (looking, "monte_carlo"),
+    "monte_carlo, below": (monte_carlo_below, "monte_carlo"),
     "subset": (subset, "subset"),
     "importance": (importance, "importance"),
     "uniform, reweighted": (uniform_tests, "reweighted"),
@@ -224,9 +226,9 @@ def run(repeats: int, only: str | None, processes: int) -> None:
 
 def estimates(method: str, repeats: int, pool: Pool) -> pd.DataFrame:
     """The rows of a method: those of an earlier run of the same code, and the missing ones."""
-    path = stored(method)
-    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["case", "seed"])
-    done = set(zip(known["case"], known["seed"], strict=True))
+    path = path_of(method)
+    stored = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["case", "seed"])
+    done = set(zip(stored["case"], stored["seed"], strict=True))
     path.parent.mkdir(parents=True, exist_ok=True)
     missing = [
         (method, case, seed)
@@ -240,7 +242,7 @@ def estimates(method: str, repeats: int, pool: Pool) -> pd.DataFrame:
     return rows[rows["seed"] < repeats]
 
 
-def stored(method: str) -> Path:
+def path_of(method: str) -> Path:
     """The file of a method's finished estimates."""
     code = code_digest(f"pipeline.core.likelihood.{METHODS[method][1]}") + sha256(Path(__file__))
     return DONE / f"{method} {hashlib.sha256(code.encode()).hexdigest()[:12]}.csv"
@@ -263,18 +265,15 @@ def summary(rows: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def shown() -> Iterator[str]:
-    """The rows of the published table."""
-    yield "| method | failures | true rate | repeats | tests | in the interval | under the one-sided limit | error | Monte Carlo needs |"
-    yield "|---|---|---|---|---|---|---|---|---|"
+def table() -> str:
+    """The published table."""
+    rows = []
     for row in pd.read_csv(OUT).itertuples():
-        shares = " | ".join(
-            f"{100 * count / row.repeats:.1f} %" for count in (row.inside, row.under_limit)
-        )
-        yield (
-            f"| {row.method} | {row.case} | {row.true:g} | {row.repeats} | {row.tests:,.0f} | {shares} | "
-            f"{100 * row.relative_error:.0f} % | {row.saving:.1f} × |"
-        )
+        shares = [f"{100 * count / row.repeats:.1f} %" for count in (row.inside, row.under_limit)]
+        cells = [row.method, row.case, f"{row.true:g}", row.repeats, f"{row.tests:,.0f}", *shares]
+        rows.append([*cells, f"{100 * row.relative_error:.0f} %", f"{row.saving:.1f} ×"])
+    names = ("method", "failures", "true rate", "repeats", "tests", "in the interval")
+    return markdown((*names, "under the one-sided limit", "error", "Monte Carlo needs"), rows)
 
 
 def main() -> None:
@@ -289,7 +288,7 @@ def main() -> None:
     if options.action == "run":
         run(options.repeats, options.only, options.processes)
     else:
-        print("\n".join(shown()))
+        print(table())
 
 
 if __name__ == "__main__":

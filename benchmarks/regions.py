@@ -1,20 +1,24 @@
-"""Are planted failure regions found, named and found again? `python -m benchmarks.regions [--seeds 10]`.
+"""Are planted failure regions found again?
 
-In each world of `tests/planted.py`, random tests are drawn with each seed and grouped. Prints, as Markdown, for each world: seeds in which
-every planted box has a region that overlaps it by at least 0.7 (intersection over union); the mean overlap; the regions that overlap
-none; the failures in no region; the precision of the rules in the tests that made them, in held-back tests and in fresh ones; and how
-much the rules of two seeds agree: the overlap of the parts of the space that they cover. Last, worlds whose labels are drawn at random:
-in how many there is a region at all, and in how many one is confirmed by 20 fresh tests inside and 20 just outside.
+    python -m benchmarks.regions run [--seeds 5] [--random 20]    writes docs/results/regions.csv
+    python -m benchmarks.regions show                             the tables of the page
+
+In each world of `tests/planted.py`, random tests are drawn with each seed and grouped. A planted
+region counts as found if a rule overlaps it by at least 0.7 (intersection over union). Then come
+worlds whose labels are drawn at random: how many have a region at all, and in how many 20 fresh
+tests inside and 20 just outside confirm one.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+import pandas as pd
 
+from benchmarks.shared import RESULTS, markdown
 from pipeline.core.confirmation import confirmed, draw_inside, draw_just_outside
 from pipeline.core.counted import Counted
 from pipeline.core.grouping import Group, Outcomes, group_failures, held_back
@@ -23,110 +27,107 @@ from pipeline.progress import Progress
 from pipeline.scenarios.people import WORDS
 from tests.planted import SPACE, WORLDS, World
 
+PUBLISHED = RESULTS / "regions.csv"
 NEIGHBOURS, MIN_FAILURES = 0.5, 4
 SAME = 0.7
 FRESH = 20
 RANDOM_TESTS, RANDOM_RATES = 400, (0.05, 0.15, 0.3)
-HEADER = (
-    "world",
-    "tests",
-    "found",
-    "overlap",
-    "others",
-    "isolated",
-    "precision",
-    "held back",
-    "fresh",
-    "between seeds",
-)
+MEASURES = ("overlap", "others", "isolated", "precision", "held back", "fresh", "between seeds")
+"""The columns of a world after its name, tests, seeds and the seeds in which all are found."""
 
 
 def main() -> None:
+    """Measure and publish, or print."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", type=int, default=10, help="seeds of each world")
-    parser.add_argument(
-        "--random", type=int, default=20, help="seeds of labels at random, for each failure rate"
-    )
+    parser.add_argument("action", choices=["run", "show"])
+    parser.add_argument("--seeds", type=int, default=5, help="seeds of each world")
+    parser.add_argument("--random", type=int, default=20, help="random worlds by failure rate")
     options = parser.parse_args()
-    print(f"| {' | '.join(HEADER)} |\n|{'---|' * len(HEADER)}")
+    if options.action == "show":
+        print(shown(pd.read_csv(PUBLISHED)))
+        return
+    rows: list[dict[str, object]] = []
     with Progress("regions") as progress:
-        for done, (name, world) in enumerate(WORLDS.items(), 1):
-            print(
-                f"| {name} | {world.tests} | {' | '.join(scored(world, options.seeds))} |",
-                flush=True,
-            )
-            progress(done, len(WORLDS), name)
-    print(
-        "\n| failure rate at random | worlds | with a region | with a confirmed region |\n|---|---|---|---|"
-    )
-    for rate in RANDOM_RATES:
-        claims = [at_random(seed, rate) for seed in range(options.random)]
-        print(
-            f"| {rate:g} | {len(claims)} | {sum(any_region for any_region, _ in claims)} | {sum(claim for _, claim in claims)} |",
-            flush=True,
-        )
+        for name, world in WORLDS.items():
+            complete, means = scored(world, options.seeds)
+            row = {"world": name, "tests": world.tests, "seeds": options.seeds, "found": complete}
+            rows.append({**row, **dict(zip(MEASURES, means, strict=True))})
+            progress(len(rows), len(WORLDS) + len(RANDOM_RATES), name)
+        for rate in RANDOM_RATES:
+            claims = np.array([at_random(seed, rate) for seed in range(options.random)])
+            regions, confirmations = claims.sum(axis=0)
+            row = {"world": f"random, {rate:g}", "tests": RANDOM_TESTS, "seeds": options.random}
+            rows.append({**row, "found": regions, "confirmed": confirmations})
+            progress(len(rows), len(WORLDS) + len(RANDOM_RATES), f"random, {rate:g}")
+    pd.DataFrame(rows).to_csv(PUBLISHED, index=False, float_format="%.4g")
+
+
+def shown(table: pd.DataFrame) -> str:
+    """The tables of the page."""
+    planted, random = [], []
+    for row in table.to_dict("records"):
+        if str(row["world"]) in WORLDS:
+            means = [f"{row[measure]:.2f}" for measure in MEASURES]
+            seeds = f"{row['found']} / {row['seeds']}"
+            planted.append([row["world"], row["tests"], seeds, *means])
+        else:
+            rate = str(row["world"]).removeprefix("random, ")
+            random.append([rate, row["seeds"], row["found"], f"{row['confirmed']:.0f}"])
+    names = ("failure rate at random", "worlds", "with a region", "with a confirmed region")
+    head = markdown(("world", "tests", "found", *MEASURES), planted)
+    return f"{head}\n\n{markdown(names, random)}"
 
 
 def grouped(tests: Outcomes) -> list[Group]:
-    return group_failures(tests, np.where(tests.failed, "box", "none"), NEIGHBOURS, MIN_FAILURES)
+    """The groups of failures, as a study makes them."""
+    causes = np.where(tests.failed, "box", "none")
+    return group_failures(tests, causes, NEIGHBOURS, MIN_FAILURES)
 
 
-def scored(world: World, seeds: int) -> Iterator[str]:
-    """The cells of a world's row."""
+def scored(world: World, seeds: int) -> tuple[int, list[float]]:
+    """The seeds in which every planted region is found, and the means of `MEASURES`."""
     probes = SPACE.sample(20_000, np.random.default_rng(99))
     truth, fails = [box.holds(probes) for box in world.boxes], world.fails(probes)
-    rows, covered, found = [], [], 0
+    rows, covered, complete = [], [], 0
     for seed in range(seeds):
         tests = world.outcomes(seed)
         groups = grouped(tests)
         rules = [group.rule.holds(probes) for group in groups]
-        best = [max((overlap(box, rule) for rule in rules), default=0.0) for box in truth]
-        union = np.any(rules, axis=0) if rules else np.zeros(len(probes), bool)
+        overlaps = np.zeros((len(truth), 1 + len(rules)))  # The first column is of no rule.
+        for i, box in enumerate(truth):
+            overlaps[i, 1:] = [overlap(box, rule) for rule in rules]
+        best = overlaps.max(axis=1)
+        complete += bool(best.min() >= SAME)
+        others = int((overlaps[:, 1:].max(axis=0) < SAME).sum())
+        union = np.any([np.zeros(len(probes), bool), *rules], axis=0)
         covered.append(union)
-        found += min(best) >= SAME
-        isolated = tests.failed & ~np.any(
-            [np.zeros(len(tests.failed), bool), *(group.members for group in groups)], axis=0
-        )
-        others = sum(max(overlap(box, rule) for box in truth) < SAME for rule in rules)
-        rows.append(
-            [
-                np.mean(best),
-                others,
-                isolated.sum() / tests.failed.sum(),
-                *precisions(tests, groups),
-                rate(fails & union, union),
-            ]
-        )
+        members = [np.zeros(len(tests.failed), bool), *(group.members for group in groups)]
+        isolated = (tests.failed & ~np.any(members, axis=0)).sum() / tests.failed.sum()
+        fresh = fails[union].mean() if union.any() else np.nan
+        rows.append([best.mean(), others, isolated, *precisions(tests, groups), fresh])
     means = np.nanmean(np.array(rows, float), axis=0)
     agreement = np.mean([overlap(a, b) for a, b in combinations(covered, 2)])
-    yield f"{found} / {seeds}"
-    yield from (f"{mean:.2f}" for mean in (*means, agreement))
+    return complete, [*means.tolist(), float(agreement)]
 
 
 def precisions(tests: Outcomes, groups: Sequence[Group]) -> tuple[float, float]:
-    """Share of failures inside the rules: in the tests that made them, and in tests held back."""
-    inside = [group.rule.holds(tests.points) for group in groups]
-    kept = [held_back(tests, group) for group in groups]
-    own = sum(int((tests.failed & rows).sum()) for rows in inside) / max(
-        1, sum(int(rows.sum()) for rows in inside)
-    )
-    return (
-        (own, sum(hits for _, hits in kept) / max(1, sum(count for count, _ in kept)))
-        if groups
-        else (np.nan, np.nan)
-    )
+    """Share of failures inside the rules: in their own tests, and in tests held back."""
+    if not groups:
+        return np.nan, np.nan
+    trained, held = np.zeros(2), np.zeros(2)
+    for group in groups:
+        inside = group.rule.holds(tests.points)
+        trained += (tests.failed & inside).sum(), inside.sum()
+        held += held_back(tests, group)  # Tests, then failures.
+    return trained[0] / max(1, trained[1]), held[1] / max(1, held[0])
 
 
 def overlap(first: Bools, second: Bools) -> float:
     """Intersection over union of two sets of points; 1 for two empty ones."""
     union = int((first | second).sum())
     return float((first & second).sum() / union) if union else 1.0
-
-
-def rate(hits: Bools, inside: Bools) -> float:
-    return float(hits.sum() / inside.sum()) if inside.any() else np.nan
 
 
 def at_random(seed: int, failure_rate: float) -> tuple[bool, bool]:

@@ -72,16 +72,6 @@ def baseline_cost(baseline: Ints) -> tuple[int, int]:
     return n, f_measure(baseline, n) or len(baseline) + 1
 
 
-def theta_area(theta: Ints) -> float:
-    """Area under a failure sequence (n,) as a share of the area if every test failed, in [0, 1].
-
-    Early failures count more.
-    """
-    if not len(theta):
-        raise ValueError("the area under Theta is undefined without a test")
-    return float(theta.sum() / (len(theta) * (len(theta) + 1) / 2))
-
-
 def kinds_of(space: Space, failures: Floats) -> int:
     """Number of kinds of failures (n, d)."""
     return len(kinds(space, failures))

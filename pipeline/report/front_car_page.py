@@ -188,8 +188,7 @@ def _headline(points: Points, evaluation: Evaluation) -> str:
         f"points to {covered:.0f} % {points.k}-projection coverage. Trained on all points, the "
         f"detector is right on {100 * more:.1f} % of {len(_right(evaluation.detectors[0]))} test "
         "snapshots. Trained on as many images of the random points alone, it is right on "
-        f"{100 * fewer:.1f} %. One draw of random points cannot show a difference; "
-        "docs/results/front-car.md has several."
+        f"{100 * fewer:.1f} %. One draw of random points cannot show a difference."
     )
 
 

@@ -115,7 +115,7 @@ def test_a_change_that_breaks_a_constraint_is_none() -> None:
 
 @pytest.mark.parametrize("name", [name for name, world in WORLDS.items() if not world.noise])
 def test_the_first_repair_is_the_planted_cause(name: str) -> None:
-    """In every region of one seed; `benchmarks/repairs.py` has more."""
+    """In every region of one seed."""
     world = WORLDS[name]
     tests = world.outcomes(0)
     groups = group_failures(tests, np.where(tests.failed, "box", "none"), 0.5, 4)

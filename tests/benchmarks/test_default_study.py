@@ -6,11 +6,12 @@ import json
 import subprocess
 from pathlib import Path
 
-import default_study
 import numpy as np
 import pandas as pd
 import pytest
-from default_study import Studies
+
+from benchmarks import default_study
+from benchmarks.default_study import Studies
 
 
 def study(**failed: range) -> pd.DataFrame:
@@ -48,57 +49,53 @@ REGIONS = pd.DataFrame(
 NONE = Studies({}, pd.DataFrame(), pd.DataFrame())
 
 
+def published(*studies: pd.DataFrame) -> Studies:
+    """Published studies, of which the first two are timed."""
+    minutes = [14.0, 16.0, np.nan][: len(studies)]
+    verdicts = pd.DataFrame({"champion": "random", "minutes": minutes}, index=range(len(studies)))
+    return Studies(dict(enumerate(studies)), verdicts, REGIONS)
+
+
 def answer(*studies: pd.DataFrame) -> str:
-    verdicts = pd.DataFrame(
-        {"champion": "random", "minutes": [14.0, 16.0, np.nan][: len(studies)]},
-        index=range(len(studies)),
-    )
-    found = Studies(dict(enumerate(studies)), verdicts, REGIONS)
-    return default_study.answer(found, default_study.timed_minutes(found, NONE))
+    table = published(*studies)
+    return default_study.answer(table, table.minutes)
+
+
+BETTER = study(base=range(10), control=range(6), random=range(3), adaptive=range(1))
+WORSE = study(base=range(1), control=range(1), random=range(3), adaptive=range(10))
+SAME = study(base=range(2), control=range(2), random=range(2), adaptive=range(2))
 
 
 def test_counts_and_p_values_by_hand() -> None:
-    better = study(base=range(10), control=range(6), random=range(3), adaptive=range(1))
-    worse = study(base=range(1), control=range(1), random=range(3), adaptive=range(10))
-    text = answer(better, worse)
-    said = " ".join(text.split())
+    text = answer(BETTER, WORSE)
+    prose = " ".join(text.split())
     # Nine fixes without a regression: p = 2 / 2**9; five: 2 / 2**5.
     assert "| 0 | 20 | 10 | 6 | 3 | 1 | 0.004 | 0.062 | `random` | 14.0 |" in text
     assert "| 1 | 20 | 1 | 1 | 3 | 10 | 1.000 | 1.000 | `random` | 16.0 |" in text
     assert text.startswith("2 of 10 studies are published. ")
+    assert "significantly less than the base in 1 of them, and less than `control` in 0. " in prose
+    # Differences -2 and +7: mean 2.5, standard error 4.5, t quantile 12.706.
     assert (
-        "fails significantly less than the base in 1 of them, and less than `control` in 0. "
-        in said
+        "`adaptive` minus those of `random`: +2.5 (-54.7 to +59.7). Without seed 0: +7.0." in prose
     )
-    # Differences -2 and +7: mean 2.5, standard error 4.5, t quantile 12.706 with one degree of freedom.
-    assert (
-        "Failures of `adaptive` minus those of `random`: +2.5 (-54.7 to +59.7). Without seed 0: +7.0. A study takes 15.0 minutes "
-        in said
-    )
-    assert "minutes (median of 2 timed runs, 14.0 to 16.0)." in said
+    assert "A study takes 15.0 minutes (median of 2 timed runs, 14.0 to 16.0)." in prose
 
 
 def test_a_study_without_a_time_does_not_move_the_median() -> None:
-    same = study(base=range(2), control=range(2), random=range(2), adaptive=range(2))
-    text = answer(same, same, same)
-    assert "| `random` | not timed |" in text and "(median of 2 timed runs" in " ".join(
-        text.split()
-    )
-    assert "minus those of `random`: +0.0." in " ".join(text.split()), (
-        "studies that differ equally tell no spread"
-    )
+    text = answer(SAME, SAME, SAME)
+    assert "| `random` | not timed |" in text
+    assert "(median of 2 timed runs" in " ".join(text.split())
+    assert "minus those of `random`: +0.0." in " ".join(text.split())  # No spread, no interval.
 
 
-def test_nothing_is_said_without_a_study() -> None:
+def test_nothing_is_reported_without_a_study() -> None:
     assert default_study.answer(NONE, []) == "No study is published."
+    assert NONE.minutes == []
 
 
 def test_the_largest_region_of_each_seed_is_put_in_words() -> None:
-    same = study(base=range(2), control=range(2), random=range(2), adaptive=range(2))
-    text = answer(same, same, same)
-    assert "names a planted group, children or crouching people, in 1 of 3 searches." in " ".join(
-        text.split()
-    )
+    text = answer(SAME, SAME, SAME)
+    assert "names a planted group, children or crouching people, in 1 of 3 searches." in text
     assert text.splitlines()[-3:] == [
         "| 0 | 2 | Children with rain of at least 40 % | 20 | 30 | 25 |",
         "| 1 | 1 | People with fog of at most 5 % | 7 | 30 | 25 |",
@@ -106,27 +103,30 @@ def test_the_largest_region_of_each_seed_is_put_in_words() -> None:
     ]
 
 
-def test_outcomes_of_another_machine_are_compared_test_by_test() -> None:
-    first = study(base=range(10), control=range(6), random=range(3), adaptive=range(1))
+def test_a_second_execution_is_compared_test_by_test() -> None:
     again = study(base=range(10), control=range(1, 7), random=range(4), adaptive=range(1))
-    verdicts = pd.DataFrame({"champion": ["adaptive"], "minutes": [18.8]}, index=[0])
+    first, second = published(BETTER), published(again)
+    row = default_study.repeated(first, second).splitlines()[-1]
+    assert row == "| 0 | 14.0 | same | 0 | 2 | 1 | 0 |"
     others = REGIONS.assign(failures=REGIONS["failures"] + 1)
-    studies = Studies({0: first}, verdicts, REGIONS)
-    text = "\n".join(default_study.repeated(studies, Studies({0: again}, verdicts, REGIONS)))
-    assert "in 18.8 minutes. The searches found the same failure regions." in text
-    assert (
-        "| `base` | 10 | 10 | 0 |" in text
-        and "| `control` | 6 | 6 | 2 |" in text
-        and "| `random` | 3 | 4 | 1 |" in text
-    )
-    untimed = default_study.repeated(
-        studies, Studies({0: again}, verdicts.assign(minutes=np.nan), REGIONS)
-    )
-    assert "Seed 0 once more. The searches" in " ".join(untimed)
-    assert "found other failure regions" in " ".join(
-        default_study.repeated(studies, Studies({0: again}, verdicts, others))
-    )
-    assert not default_study.repeated(studies, NONE)
+    changed = Studies(second.outcomes, second.verdicts.assign(minutes=np.nan), others)
+    row = default_study.repeated(first, changed).splitlines()[-1]
+    assert row == "| 0 | not timed | other | 0 | 2 | 1 | 0 |"
+
+
+def test_the_headline_counts_studies_and_minutes() -> None:
+    text = " ".join(default_study.headline(published(BETTER, WORSE), [9.4, 18.6]).split())
+    assert text.startswith("In 1 of 2 [default studies](docs/results/default.md), `adaptive` fails")
+    assert "within 9 to 19 minutes. On average, the base fails 5.5 of 20 held-out tests, " in text
+    assert "`adaptive` 5.5, `random` 3.0." in text
+
+
+def test_a_headline_that_no_longer_holds_is_an_error() -> None:
+    """Two searches that teach more than random tests, by different numbers of failures."""
+    more = study(base=range(10), control=range(6), random=range(15), adaptive=range(1))
+    most = study(base=range(10), control=range(6), random=range(16), adaptive=range(1))
+    with pytest.raises(SystemExit, match="write another sentence"):
+        default_study.headline(published(more, most), [9.0])
 
 
 def test_one_execution_is_not_published_twice(
@@ -161,7 +161,7 @@ def test_one_execution_is_not_published_twice(
 
 def test_shipped_versions_are_compared_with_their_published_outcomes() -> None:
     here = study(base=range(10), random=range(3), adaptive=range(1, 3))
-    there = study(base=range(10), control=range(6), random=range(3), adaptive=range(1))
+    there = BETTER
     assert default_study.check(here, there).splitlines()[-2:] == [
         "| `random` | 3 | 3 | 0 |",
         "| `adaptive` | 2 | 1 | 3 |",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import scaling
+from benchmarks import scaling
 
 MEASURED = {
     "workers": {("1", "round 0"): 0.5},
@@ -17,30 +17,25 @@ MEASURED = {
 }
 
 
-def test_a_campaign_and_the_grid_are_simulated_from_what_was_measured() -> None:
-    _, _, one, _, sixteen, *_ = scaling.by_cluster(MEASURED).split("\n")
-    # Planning 5 s + 0.01 s a job, 0.02 s to submit it, 10 s for each job and for the one that joins, 0.5 s a test.
-    assert one == f"| 1 | {(5 + 0.03 + 10 + 5000) / 60:.1f} | 1.4 | 0.07 |"
-    assert (
-        sixteen
-        == f"| 16 | {(5 + 16 * 0.03 + 10 + 625 * 0.5 + 10) / 60:.1f} | {(160 + 5000 + 10) / 3600:.1f} | 0.07 |"
-    )
+def test_a_campaign_and_the_grid_are_simulated_from_the_measured_figures() -> None:
+    _, _, single, _, sixteen, *_ = scaling.by_cluster(MEASURED).split("\n")
+    # Planning 5 s + 0.01 s a job, 0.02 s to submit it, 10 s for each job and for the last one,
+    # 0.5 s a test.
+    assert single == f"| 1 | {(5 + 0.03 + 10 + 5000) / 60:.1f} | 1.4 | 0.07 |"
+    minutes, hours = (5 + 16 * 0.03 + 10 + 625 * 0.5 + 10) / 60, (160 + 5000 + 10) / 3600
+    assert sixteen == f"| 16 | {minutes:.1f} | {hours:.1f} | 0.07 |"
     last = scaling.by_cluster(MEASURED).split("\n")[-1]
     # 20 threads a campaign, each campaign a job.
-    assert (
-        last
-        == f"| 1,120 | {(5 + 56 * 0.03 + 10 + 25) / 60:.1f} | {56 * 35 * 20 / 3600:.1f} | 0.54 |"
-    )
+    minutes, hours = (5 + 56 * 0.03 + 10 + 25) / 60, 56 * 35 * 20 / 3600
+    assert last == f"| 1,120 | {minutes:.1f} | {hours:.1f} | 0.54 |"
 
 
 def test_a_campaign_on_slurm_stands_beside_its_simulation() -> None:
-    cases = {str(count): 400.0 / count for count in scaling.AT_A_TIME}
-    measured = {(case, "round 0"): seconds for case, seconds in cases.items()} | {
-        (case, "processor 0"): 300.0 for case in cases
-    }
-    _, _, one, two, *_ = scaling.by_jobs(
-        {**MEASURED, "cluster": measured | {("all", "tests"): 160.0}}
-    ).split("\n")
+    measured = {("all", "tests"): 160.0}
+    for count in scaling.AT_A_TIME:
+        measured[str(count), "round 0"] = 400.0 / count
+        measured[str(count), "processor 0"] = 300.0
+    _, _, single, double, *_ = scaling.by_jobs({**MEASURED, "cluster": measured}).split("\n")
     # As above; each core has 16 or 8 jobs in turn, each of 10 tests.
-    assert one == f"| 1 | 400 | 1.00 | 300 | {5 + 16 * 0.03 + 16 * (10 + 5) + 10:.0f} |"
-    assert two == f"| 2 | 200 | 2.00 | 300 | {5 + 16 * 0.03 + 8 * (10 + 5) + 10:.0f} |"
+    assert single == f"| 1 | 400 | 1.00 | 300 | {5 + 16 * 0.03 + 16 * (10 + 5) + 10:.0f} |"
+    assert double == f"| 2 | 200 | 2.00 | 300 | {5 + 16 * 0.03 + 8 * (10 + 5) + 10:.0f} |"

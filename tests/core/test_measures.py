@@ -13,7 +13,6 @@ from pipeline.core.measures import (
     kinds,
     kinds_of,
     pair_coverage,
-    theta_area,
 )
 from pipeline.core.space import Space, Variable
 from tests.spaces import SMALL, THESIS
@@ -43,18 +42,6 @@ def test_c_measure_against_a_baseline_without_failures() -> None:
     """Equation 6.2: the next test is assumed to be the baseline's first failure."""
     n, saved = c_measure(failure_sequence([False, True]), failure_sequence([False] * 1000))
     assert n == 1 and saved == pytest.approx(1 - 2 / 1001)
-
-
-def test_the_area_under_theta_is_larger_for_earlier_failures() -> None:
-    # The sequences are 1 1 1 and 0 0 1, of 1 + 2 + 3 possible.
-    assert theta_area(failure_sequence([True, False, False])) == pytest.approx(3 / 6)
-    assert theta_area(failure_sequence([False, False, True])) == pytest.approx(1 / 6)
-    assert (
-        theta_area(failure_sequence([True] * 7)) == 1
-        and theta_area(failure_sequence([False] * 7)) == 0
-    )
-    with pytest.raises(ValueError, match="undefined without a test"):
-        theta_area(failure_sequence([]))
 
 
 def test_kinds_are_combinations_of_categories() -> None:

@@ -10,15 +10,12 @@ import pytest
 from scipy.stats import binom
 
 from pipeline.core.statistics import (
-    bootstrap_mean,
-    bootstrap_ratio,
     censored_mean,
     mcnemar,
     mean_interval,
     one_against_several,
     paired_rise_limit,
     sign_flip,
-    vargha_delaney,
     wilson_interval,
 )
 
@@ -215,51 +212,6 @@ def test_if_all_are_censored_the_mean_is_a_bound() -> None:
 def test_the_censored_mean_refuses_other_values(values: list[float], reached: list[bool]) -> None:
     with pytest.raises(ValueError, match="finite numbers from 0 and as many flags"):
         censored_mean(values, reached)
-
-
-def test_bootstrap_of_two_values() -> None:
-    """Resamples of 2 and 6 have the means 2, 4 and 6 with probabilities 1/4, 1/2 and 1/4."""
-    assert bootstrap_mean([2.0, 6], np.random.default_rng(0), 0.95) == (2, 6)
-    assert bootstrap_mean([2.0, 6], np.random.default_rng(0), 0.4) == (4, 4)
-
-
-def test_the_ratio_is_of_resampled_pairs() -> None:
-    """Twice the reference in every pair is twice it in every resample."""
-    reference = np.array([1.0, 50, 9, 200])
-    assert bootstrap_ratio(2 * reference, reference, np.random.default_rng(0)) == pytest.approx(
-        (2, 2)
-    )
-    # Resamples of the pairs (2, 1) and (4, 4) have the ratios 2, 6 / 5 and 1.
-    assert bootstrap_ratio([2, 4], [1, 4], np.random.default_rng(0)) == (1, 2)
-    assert bootstrap_ratio([2, 4], [1, 4], np.random.default_rng(0), 0.4) == pytest.approx(
-        (1.2, 1.2)
-    )
-
-
-def test_the_ratio_to_a_reference_of_zero() -> None:
-    assert bootstrap_ratio([3, 3], [0, 0], np.random.default_rng(0)) == (np.inf, np.inf)
-    assert np.isnan(bootstrap_ratio([0, 0], [0, 0], np.random.default_rng(0))).all()
-    assert bootstrap_ratio([3, 3], [0, 1], np.random.default_rng(0)) == (3, np.inf)
-
-
-@pytest.mark.parametrize("reference", [[], [1.0], [1, np.nan]])
-def test_the_bootstrap_refuses_what_is_not_paired(reference: list[float]) -> None:
-    with pytest.raises(
-        ValueError, match="values and reference must be equally many finite numbers"
-    ):
-        bootstrap_ratio([1.0, 2], reference, np.random.default_rng(0))
-
-
-def test_vargha_delaney_counts_wins_and_half_the_ties() -> None:
-    assert vargha_delaney([1, 2, 3], [2]) == 0.5  # One win, one tie, one loss.
-    assert vargha_delaney([5, 6], [1, 2, 3]) == 1 and vargha_delaney([1, 2], [2, 3]) == 0.125
-    with pytest.raises(ValueError, match=r"lists of one or more numbers, got \[\] and \[1.\]"):
-        vargha_delaney([], [1])
-
-
-def test_vargha_delaney_refuses_a_missing_value() -> None:
-    with pytest.raises(ValueError, match="must be lists of one or more numbers"):
-        vargha_delaney([np.nan, 1], [1])
 
 
 def test_the_limits_of_a_restricted_mean_do_not_exceed_its_largest_value() -> None:

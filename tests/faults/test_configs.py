@@ -7,12 +7,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any
 
-import config_faults
 import pytest
-from config_faults import Mutation, counted, fits, hint_at, outcome
 from pydantic import Field
 from snakemake.settings.types import ConfigSettings, StorageSettings
 
+from benchmarks.faults import configs as config_faults
+from benchmarks.faults.configs import Mutation, counted, fits, hint_at, outcome
 from pipeline.config.components import check_components
 from pipeline.config.composing import compose, validate
 from pipeline.errors import InputError

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from damage_faults import READERS, artefacts, flipped, stamp
 
+from benchmarks.faults.damage import READERS, artefacts, flipped, stamp
 from pipeline.__main__ import main
 from pipeline.artefacts import files, stamps
 from pipeline.artefacts.dataset import Record, write_image, write_truth

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cluster_faults import SUBMITTED
-from fault_report import Row, keep
-from fault_study import Run
-from repair_faults import judged
+
+from benchmarks.faults.cluster import SUBMITTED
+from benchmarks.faults.repairs import judged
+from benchmarks.faults.report import Row, keep
+from benchmarks.faults.study import Run
 
 
 def test_faults_without_an_outcome_are_not_left_out(tmp_path: Path) -> None:

@@ -125,4 +125,5 @@ def test_a_changed_number_in_the_readme_is_found(
     assert changed != text
     copy.write_text(changed)
     assert main(["verify", str(copy)]) == 1
-    assert "expected what `python benchmarks/headline.py` prints" in capsys.readouterr().out
+    expected = "expected what `python -m benchmarks.default_study headline` prints"
+    assert expected in capsys.readouterr().out

@@ -1,0 +1,1 @@
+"""Faults on purpose: wrong configs, flipped bits, kills, a failing cluster; and their one table."""
