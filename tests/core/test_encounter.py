@@ -54,9 +54,7 @@ def test_a_pedestrian_who_walks_along_the_path_is_the_conflict_point() -> None:
 
 def test_without_a_pedestrian_a_test_ends_behind_the_conflict_point() -> None:
     nobody = replace(STRAIGHT, crosses=False)
-    ahead, behind = (
-        nobody.situation(replace(users(s, 0, 0), pedestrian=None)) for s in (20, 47.5)
-    )
+    ahead, behind = (nobody.situation(replace(users(s, 0, 0), pedestrian=None)) for s in (20, 47.5))
     assert np.isnan(ahead.gap_m) and not ahead.contact and not ahead.on_collision_path
     assert (ahead.is_over, behind.is_over) == (False, True)
 
