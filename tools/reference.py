@@ -33,7 +33,7 @@ from pipeline.simulators.mujoco.lens import CameraSettings
 FOLDER = Path("docs/reference")
 GROUPS = {"sampler": "samplers.{}.", "detector": "detector.", "simulator": "simulator."}
 """Folders of conf/ with a class per file, and the keys that hold its parameters."""
-PASSED = ("space", "seed", "model", "scenario", "camera", "car")
+PASSED = ("space", "seed", "model", "scenario", "camera", "vehicle")
 """Parameters set by other keys of a study."""
 HEAD = """# Configuration
 
@@ -65,8 +65,8 @@ Each is a file in `conf/`; all but cameras name a class and set its parameters. 
 that the file does not name, put a plus before it: `+samplers.forest.explore=0.3`.
 """
 LINE = 120
-SECTION = re.compile(r"\n+(?:(?:Args|Raises):|>>> )")
-ARGUMENTS = re.compile(r"^Args:\n((?: {4}.*\n?)+)", re.MULTILINE)
+SECTION = re.compile(r"\n+(?:(?:Args|Attributes|Raises):|>>> )")
+ARGUMENTS = re.compile(r"^(?:Args|Attributes):\n((?: {4}.*\n?)+)", re.MULTILINE)
 ARGUMENT = re.compile(r"^ {4}(\w[\w, ]*): (.*\n?(?: {8}.*\n?)*)", re.MULTILINE)
 
 
@@ -154,11 +154,13 @@ def cameras() -> list[str]:
         settings = yaml.safe_load(path.read_text())
         parent = settings.pop("defaults", [None])[0]
         lines += [f"### camera: {path.stem}", ""]
+        text, meanings = documented(CameraSettings)
         if number == 0:
-            lines += [inspect.getdoc(CameraSettings) or "", ""]
+            lines += [text, ""]
         for name, value in settings.items():
-            field = CameraSettings.model_fields[name]
-            lines += item(f"simulator.camera.{name}", value, limits(field.metadata))
+            range_text = limits(CameraSettings.model_fields[name].metadata)
+            meaning = "" if number else meanings.get(name, "")
+            lines += item(f"simulator.camera.{name}", value, range_text, meaning)
         lines.append("")
         if parent:
             lines += [f"The rest is as in {parent}.", ""]
