@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
-import importlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -168,27 +166,6 @@ class Boundless(AnalyticWorld):
 def test_a_config_that_names_no_world_is_an_error(target: str, message: str) -> None:
     with pytest.raises(InputError, match=rf"simulator\._target_: .*{message}"):
         compose("smoke", ["simulator=analytic", f"simulator._target_={target}"])
-
-
-@pytest.mark.parametrize(
-    "module",
-    [
-        "pipeline.core.braking",
-        "pipeline.core.detections",
-        "pipeline.core.ground",
-        "pipeline.core.interfaces",
-        "pipeline.core.kpi",
-        "pipeline.core.loop",
-        "pipeline.core.matching",
-        "pipeline.core.paths",
-        "pipeline.core.visibility",
-        "pipeline.protocols",
-        "pipeline.testing",
-    ],
-)
-def test_the_examples_in_docstrings_run(module: str) -> None:
-    results = doctest.testmod(importlib.import_module(module), optionflags=doctest.ELLIPSIS)
-    assert results.failed == 0
 
 
 def test_the_howto_shows_the_example() -> None:
