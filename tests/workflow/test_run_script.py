@@ -395,7 +395,7 @@ def test_without_an_nvidia_gpu_the_cpu_build_is_installed(checkout: Path) -> Non
     assert version
     cpu, cuda = f"uv --torch-backend cpu torch=={version[1]}", f"torch==={version[1]} -e .[dev]"
     lines = installing(checkout, cpu_builds=True)
-    assert lines[:2] == [cpu, "uv -e .[dev]"] and "PyTorch for the CPU" in lines[2]
+    assert lines[:2] == [cpu, "uv -e .[dev]"] and "PyTorch's CPU build (a few" in lines[2]
     shutil.rmtree(checkout / ".venv")
     lines = installing(checkout, cpu_builds=False)
     assert lines[:2] == [cpu, "uv -e .[dev]"] and "CPU build cannot be downloaded" in lines[3]
@@ -404,7 +404,7 @@ def test_without_an_nvidia_gpu_the_cpu_build_is_installed(checkout: Path) -> Non
     (checkout / ".venv/blindspot.build").write_text("cpu\n")
     assert installing(checkout, cpu_builds=True) == ["blindspot: ready"]
     lines = installing(checkout, cpu_builds=True, CUDA="1")
-    assert lines[0] == f"uv {cuda}" and "PyTorch for cuda" in lines[1]
+    assert lines[0] == f"uv {cuda}" and "PyTorch's CUDA build" in lines[1]
     (checkout / ".venv/blindspot.build").write_text("cpu\n")
     script(checkout / "gpu/nvidia-smi", "")
     lines = installing(checkout, cpu_builds=True, PATH=f"{checkout}/gpu:/usr/bin:/bin")
