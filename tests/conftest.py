@@ -15,7 +15,8 @@ settings.register_profile("no-deadline", deadline=None)
 settings.load_profile("no-deadline")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    # A shell's background job ignores Ctrl-C, and so would every program that a test starts and interrupts.
+    # A shell's background job ignores Ctrl-C,
+    # and so would every program that a test starts and interrupts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -28,7 +29,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="class")  # Hypothesis rejects function-scoped fixtures.
 def short_annealing() -> Iterator[None]:
-    """Stop quick covering arrays after a hundredth of their steps, for tests that do not depend on the array's size."""
+    """Stop quick covering arrays after a hundredth of their steps.
+
+    For tests that do not depend on the array's size.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arrays, "QUICK_OPERATIONS", arrays.QUICK_OPERATIONS / 100)
         yield

@@ -25,7 +25,10 @@ def kpi_of(points: Floats) -> Floats:
 
 
 def strategies(conf: Path = CONF) -> dict[str, Strategy]:
-    """By name, with the parameters of their files; strategies that take earlier campaigns also appear with such tests."""
+    """Strategies by name, with the parameters of their files.
+
+    Those that take earlier campaigns also appear with such tests.
+    """
     found: dict[str, Strategy] = {}
     for path in sorted((conf / "sampler").glob("*.yaml")):
         section = yaml.safe_load(path.read_text())

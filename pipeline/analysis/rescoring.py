@@ -95,10 +95,8 @@ def _judged(signals: pd.DataFrame, detections: pd.DataFrame, car: Car) -> Iterat
 
 def _truths(signals: pd.DataFrame) -> Iterator[Truth]:
     """Yield the ground truth of each row, as far as the signals have it."""
-    visible, whole = (
-        signals[[f"{kind}_{side}" for side in SIDES]].to_numpy(float).tolist()
-        for kind in ("visible", "whole")
-    )
+    visible = signals[[f"visible_{side}" for side in SIDES]].to_numpy(float).tolist()
+    whole = signals[[f"whole_{side}" for side in SIDES]].to_numpy(float).tolist()
     seen = signals[["visible_pixels", "contrast"]].itertuples(index=False)
     for (pixels, contrast), *boxes in zip(seen, visible, whole, strict=True):
         visible_box, whole_box = (_box(sides) for sides in boxes)

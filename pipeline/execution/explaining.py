@@ -58,11 +58,19 @@ class Counterfactuals:
     failure_threshold_s: float
     tests: int
 
-    def chosen(self, found: Found, rows: pd.DataFrame, outcomes: Outcomes) -> list[Failure]:
-        """Failures of a region, drawn at random without repeats. rows: of tests.parquet, by test_id."""
-        region = found.region
+    def chosen(
+        self, failure_region: Found, rows: pd.DataFrame, outcomes: Outcomes
+    ) -> list[Failure]:
+        """Draw failures of a region at random, without repeats.
+
+        Args:
+            failure_region: the region, with its group.
+            rows: of tests.parquet, indexed by test_id.
+            outcomes: of the same tests.
+        """
+        region = failure_region.region
         count = min(self.tests, len(region.members))
-        drawn = found.rng("explain").choice(len(region.members), count, replace=False)
+        drawn = failure_region.rng("explain").choice(len(region.members), count, replace=False)
         names = [region.members[i] for i in sorted(drawn)]
         return [
             Failure(region.name, name, concrete(rows.loc[name], outcomes.space)) for name in names
@@ -70,7 +78,7 @@ class Counterfactuals:
 
     def planned(
         self,
-        found: Found,
+        failure_region: Found,
         failures: Sequence[Failure],
         outcomes: Outcomes,
         signals: Mapping[str, Signals],
@@ -79,7 +87,7 @@ class Counterfactuals:
         hiding: set[str] = set()
         for failure in failures:
             hiding |= occluders(self._scenario, signals[failure.test_id])
-        candidates = changes(outcomes, found.group.members)
+        candidates = changes(outcomes, failure_region.group.members)
         moved = [change for change in candidates if _changes_any(change, failures)]
         return (*moved, *without(self._scenario, sorted(hiding)), CONTROL)
 

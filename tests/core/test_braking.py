@@ -29,7 +29,8 @@ def test_friction_falls_until_the_road_is_wet() -> None:
 
 def test_stopping_distance_by_hand() -> None:
     car = Vehicle(8 / 9.81, 4 / 9.81, build_up_s=0.1, latency_s=0.2)
-    # 16 m/s: 4.8 m in latency and lag, 256 / 16 m of braking on a dry road, twice that on a wet one.
+    # 16 m/s: 4.8 m in latency and lag, then 256 / 16 m of braking on a dry road,
+    # twice that on a wet one.
     assert car.stopping_distance(16.0, rain=0) == pytest.approx(20.8)
     assert car.stopping_distance([0.0, 16.0], rain=100).tolist() == pytest.approx([0.0, 36.8])
 

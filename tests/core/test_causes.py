@@ -39,7 +39,8 @@ def signals(**changes: list[float]) -> dict[str, Any]:
         ({"overlap": [0, 0.4, 0.3, 0.4]}, "box"),
         ({"any_confidence": [0, 0.3, 0.6, 0.6]}, "confidence"),
         ({"overlap": [0, 0.4, 0, 0], "any_confidence": [0, 0, 0.6, 0.7]}, "box"),
-        # What comes after the last chance does not count, but shows that the detector can see the pedestrian.
+        # A box after the last chance does not count,
+        # but shows that the detector can see the pedestrian.
         ({"overlap": [0, 0, 0, 0.4]}, "too_late"),
         # Detected all the time, and still too late: the brake was too weak.
         (

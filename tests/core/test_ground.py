@@ -11,7 +11,10 @@ VIEW = Pinhole(320, 192, 240.0, ahead_m=0.5, above_m=1.5)
 
 
 def test_a_box_stands_where_the_ray_through_its_foot_meets_the_road() -> None:
-    """36 pixels below the horizon: 10 m ahead of the camera, so 40 pixels beside its middle are 5/3 m."""
+    """36 pixels below the horizon are 10 m ahead of the camera.
+
+    There, 40 pixels beside the middle of the image are 5/3 m.
+    """
     right, left = (196, 80, 204, 132), (116, 80, 124, 132)
     assert VIEW.ground([right, left]) == pytest.approx(np.array([[10.5, -5 / 3], [10.5, 5 / 3]]))
 

@@ -124,7 +124,8 @@ def test_post_encroachment_of_a_test_that_ends_before_the_ego_arrives() -> None:
 
 
 def test_a_strategy_takes_a_test_for_a_failure_exactly_if_it_is_one() -> None:
-    # Without a collision path, many false positives alone are no failure, and a false activation is one at any adjusted TTC.
+    # Without a collision path, many false positives alone are no failure,
+    # and a false activation is one at any adjusted TTC.
     adjusted = np.array([0.05, 0.1, 4.0, 0.05, 4.0, np.nan])
     learnt = told(adjusted, [True, True, False, False, True, False], 0.1)
     assert list(learnt[:5] <= 0.1) == [True, True, False, False, True]

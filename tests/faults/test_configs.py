@@ -1,4 +1,7 @@
-"""Mutated configs: each is refused in one line that names the key, or valid by the schema's own ranges; none ends in a traceback."""
+"""Mutated configs never end in a traceback.
+
+Each is rejected in one line that names the key, or is valid by the ranges of the schema.
+"""
 
 from __future__ import annotations
 

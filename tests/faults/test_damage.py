@@ -1,4 +1,7 @@
-"""Damage: a cut, empty or foreign file, one other bit, a folder in its place. Readers name the file; a journal executes its test again."""
+"""Damaged files: cut, empty, foreign, with one flipped bit, or replaced by a folder.
+
+Readers name the file; a journal executes its test again.
+"""
 
 from __future__ import annotations
 
@@ -355,7 +358,8 @@ def test_a_damaged_database_names_the_way_to_a_new_one(tmp_path: Path, name: str
     DAMAGE[name](store)
     with pytest.raises(
         InputError,
-        match=rf"^{store}: damaged \(.*type: mv {store} {store}\.damaged && \./run --forcerun track$",
+        match=rf"^{store}: damaged \(.*type: mv {store} {store}\.damaged"
+        r" && \./run --forcerun track$",
     ):
         connect(store)
 
@@ -368,7 +372,8 @@ def test_a_database_whose_migration_was_broken_off_names_the_way_to_a_new_one(
         database.execute("CREATE TABLE _alembic_tmp_metrics (key TEXT)")
     with pytest.raises(
         InputError,
-        match=rf"damaged \(a migration was interrupted at _alembic_tmp_metrics\); .* type: mv {store} ",
+        match=r"damaged \(a migration was interrupted at _alembic_tmp_metrics\); .*"
+        rf" type: mv {store} ",
     ):
         connect(store)
 

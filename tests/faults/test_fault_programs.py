@@ -1,4 +1,7 @@
-"""How the fault programs judge: what counts as repaired, and which job of SLURM a line of Snakemake names."""
+"""How the fault programs judge a run.
+
+Tests what counts as repaired, and which job of SLURM a line of Snakemake names.
+"""
 
 from __future__ import annotations
 
@@ -43,11 +46,13 @@ def test_damage_is_repaired_only_if_each_file_is_named(
     ("line", "name"),
     [
         (
-            "Job 7 has been submitted with SLURM jobid 41 (log: /x/.snakemake/slurm_logs/rule_campaign/campaigns_F1/41.log).",
+            "Job 7 has been submitted with SLURM jobid 41"
+            " (log: /x/.snakemake/slurm_logs/rule_campaign/campaigns_F1/41.log).",
             "campaign",
         ),
         (
-            "Job 93898ad7-7dea has been submitted with SLURM jobid 41 (log: /x/slurm_logs/group_spaces_define_space/41.log).",
+            "Job 93898ad7-7dea has been submitted with SLURM jobid 41"
+            " (log: /x/slurm_logs/group_spaces_define_space/41.log).",
             "spaces_define_space",
         ),
     ],

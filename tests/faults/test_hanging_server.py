@@ -18,6 +18,7 @@ def test_a_server_that_hangs_is_named_soon(tmp_path: Path, monkeypatch: pytest.M
         monkeypatch.setenv("MLFLOW_TRACKING_URI", address)
         with pytest.raises(
             InputError,
-            match=f"^MLflow at {address} does not answer within 0.3 s; the same command resumes once it does$",
+            match=f"^MLflow at {address} does not answer within 0.3 s; "
+            "the same command resumes once it does$",
         ):
             client.connect(tmp_path / "mlflow.db")

@@ -93,8 +93,11 @@ def test_a_campaign_of_errors_alone_has_no_result(
         tmp_path, "campaign.tests=3", "detector._target_=tests.faults.hostile.Fails"
     )
     assert study.run("campaign", **key("random")) == 1
-    said = "F1, random, base, seed 3: all 3 tests ended in an error, so there is no result; 3 times: Fails.detect failed: RuntimeError: no"
-    assert f"blindspot step campaign: {said}" in capsys.readouterr().err
+    message = (
+        "F1, random, base, seed 3: all 3 tests ended in an error, so there is no result; "
+        "3 times: Fails.detect failed: RuntimeError: no"
+    )
+    assert f"blindspot step campaign: {message}" in capsys.readouterr().err
     assert not (folder(study, "random") / "tests.parquet").exists() and not journal(study).exists()
 
 

@@ -1,4 +1,7 @@
-"""kill -9 in training, filtering, registration and executions: the next run resumes, makes no duplicates and reads no partial file."""
+"""kill -9 in training, filtering, registration and executions.
+
+The next run resumes, makes no duplicates and reads no partial file.
+"""
 
 from __future__ import annotations
 
@@ -43,12 +46,17 @@ from pipeline.learning.versions import Origin, write_version
 training.CHECKPOINT_SECONDS = 0.2
 out, rng = Path(sys.argv[1]), np.random.default_rng(0)
 box = (20.0, 10.0, 40.0, 50.0)
-images = image_set([(rng.integers(0, 255, (64, 96, 3), dtype=np.uint8), Truth(box, box, 800, 800, 30.0)) for _ in range(4)], "x")
+truth = Truth(box, box, 800, 800, 30.0)
+images = image_set(
+    [(rng.integers(0, 255, (64, 96, 3), dtype=np.uint8), truth) for _ in range(4)], "x"
+)
 model = initial_model(0, lambda: Yolo(Architecture((8, 8, 8, 8, 8), 8)))
 feed = lambda iteration: (np.roll(images.images, iteration, axis=2), images.boxes)
 print("ready", flush=True)
-fitted = fit(model, Lesson(Schedule(0, 120, 1e-3), feed, "x"), Run(out / "checkpoint.pt", threads=1))
-write_version(compose("base", []), fitted, images, Origin("base", None, {}, {}, 0, Worlds()), out / "model.json", lambda *_: None)
+lesson = Lesson(Schedule(0, 120, 1e-3), feed, "x")
+fitted = fit(model, lesson, Run(out / "checkpoint.pt", threads=1))
+origin = Origin("base", None, {}, {}, 0, Worlds())
+write_version(compose("base", []), fitted, images, origin, out / "model.json", lambda *_: None)
 """
 
 FILTER = """
@@ -72,7 +80,8 @@ print("ready", flush=True)
 for version in ("base", "control", "random"):
     file = root / f"{version}.json"
     file.write_text(version)
-    content = Content(f"s/{version}", "model", metrics={f"m{i}": float(i) for i in range(50)}, files=[file])
+    metrics = {f"m{i}": float(i) for i in range(50)}
+    content = Content(f"s/{version}", "model", metrics=metrics, files=[file])
     number, _ = registry.register(Registration("detector", content, [file], {"version": version}))
     registry.set_alias("detector", "champion", number)
 """
@@ -126,7 +135,10 @@ class Large:
 def killed(
     script: str, *arguments: Path | str, after_s: float = 0.0, until: Path | None = None
 ) -> bool:
-    """Run a script and kill it a given time after it is ready, or once a file exists; returns whether it was still running."""
+    """Run a script and kill it a given time after it is ready, or once a file exists.
+
+    Returns whether it was still running.
+    """
     process = subprocess.Popen(
         [sys.executable, "-c", script, *map(str, arguments)], stdout=subprocess.PIPE, text=True
     )
@@ -229,7 +241,10 @@ def test_in_registration(tmp_path: Path) -> None:
 def resumed(
     whole: StudyFolder, cut: StudyFolder, step: str, until: tuple[str, ...], **wildcards: str
 ) -> int:
-    """How many tests a step executes twice if it is killed once each of these files of its journal exists."""
+    """Kill a step once each of these files of its journal exists.
+
+    Returns how many tests it executes twice.
+    """
     words = arguments(step, 1, **wildcards)
     for study in (whole, cut):
         (study.root / EXECUTED).write_text("")

@@ -18,8 +18,13 @@ from pipeline.artefacts.run_lock import HELD, hold
 from pipeline.workflow.guards import alone
 from tests.studies import ROOT
 
-HOLD = "import sys; from pipeline.artefacts.run_lock import hold; hold(sys.argv[1]); print('held', flush=True); sys.stdin.read()"
-
+HOLD = """
+import sys
+from pipeline.artefacts.run_lock import hold
+hold(sys.argv[1])
+print("held", flush=True)
+sys.stdin.read()
+"""
 
 STARTS = """
 import subprocess, sys
@@ -53,8 +58,8 @@ def test_the_second_says_who_is_at_work_and_goes_on_when_the_first_is_killed(
     assert first.stdout is not None and first.stdout.readline() == "held\n"
     second = run(tmp_path, "test-detector")
     assert second.stderr is not None and second.stdout is not None
-    said = f"blindspot: snakemake (process {first.pid}) is running in this folder; waiting for it to finish\n"
-    assert second.stderr.readline() == said
+    message = f"blindspot: snakemake (process {first.pid}) is running in this folder"
+    assert second.stderr.readline() == f"{message}; waiting for it to finish\n"
     first.kill()
     assert second.stdout.readline() == "held\n"
     second.communicate("")

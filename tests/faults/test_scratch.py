@@ -1,4 +1,7 @@
-"""Killed after its work but before its end, a job resumes with the same bytes: its scratch folder is whole until its stamp is written."""
+"""A job that is killed after its work, but before its end, resumes with the same bytes.
+
+Its scratch folder stays whole until its stamp is written.
+"""
 
 from __future__ import annotations
 
@@ -158,7 +161,8 @@ def test_only_shards_with_their_own_images_are_resumed(
             patch.setattr(stamps, "made", kill)
             with pytest.raises(Killed):
                 perform(order, config)
-        # Another study's settings begin to overwrite the images of the first shard; then the old settings are back.
+        # Another study's settings begin to overwrite the images of the first shard;
+        # then the old settings are back.
         (SCRATCH / IMAGE).unlink()
         (SCRATCH / IMAGE).write_bytes(b"of other settings")
         rendered.clear()
@@ -169,7 +173,10 @@ def test_only_shards_with_their_own_images_are_resumed(
 def test_shards_of_other_held_out_scenarios_are_rendered_again(
     config: Config, rendered: list[int], tmp_path: Path
 ) -> None:
-    """Rendering refuses their towns and people, so a shard that was rendered for other ones is not checked yet."""
+    """Rendering rejects held-out towns and people.
+
+    A shard that was rendered for other held-out scenarios is not checked yet.
+    """
     with chdir(ROOT):
         other = compose("smoke", ["base_set.images=10", "held_out=[F2star]"])
     with chdir(tmp_path):

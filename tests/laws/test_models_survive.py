@@ -1,4 +1,7 @@
-"""PICT and ACTS models mean the rows that their documentation says, and survive the way into a space and out again."""
+"""PICT and ACTS models become a space and models again without a change of meaning.
+
+They mean the rows that their documentation gives.
+"""
 
 from __future__ import annotations
 

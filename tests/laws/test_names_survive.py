@@ -1,4 +1,7 @@
-"""Names of categories and conditions are texts from the space file to the plan's table and back, whatever they look like."""
+"""Names of categories and conditions stay texts, even if they look like numbers or dates.
+
+They do so from the space file to the table of the plan and back.
+"""
 
 from __future__ import annotations
 
@@ -110,11 +113,15 @@ def test_any_distinct_texts_survive_the_round_trip(
 def test_unquoted_names_survive_planning_and_verification(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    unquoted = "[1.1, 1.10, 01, 1, 1.0, 1e5, 100000, .inf, on, off, yes, no, 12:30, 010, 2024-01-01, 2024-01-01 12:00:00, True, true, =]"
-    names = unquoted.strip("[]").split(", ")
+    unquoted = (
+        "1.1, 1.10, 01, 1, 1.0, 1e5, 100000, .inf, on, off, yes, no, 12:30, 010, "
+        "2024-01-01, 2024-01-01 12:00:00, True, true, ="
+    )
+    names = unquoted.split(", ")
     space, plan = tmp_path / "space.yaml", tmp_path / f"plan.{kind}"
     space.write_text(
-        f"variables: {{on: {{values: {unquoted}}}, t: {{interval: [1700000000, 1700003600], cuts: [1700001200]}}}}"
+        f"variables: {{on: {{values: [{unquoted}]}}, "
+        "t: {interval: [1700000000, 1700003600], cuts: [1700001200]}}"
     )
     assert read_space_file(space).variables[0].values == tuple(names)
     assert main(["coverage", "plan", "--space", str(space), "--output", str(plan)]) == 0

@@ -1,4 +1,7 @@
-"""Every strategy copes with odd spaces, odd results, errors and spaces that are smaller than the budget."""
+"""Every strategy copes with odd spaces, odd results and errors.
+
+Also with spaces that are smaller than the budget.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ from tests.strategies import Strategy, strategies
 pytestmark = [pytest.mark.usefixtures("short_annealing"), pytest.mark.filterwarnings("error")]
 
 BATCH, BATCHES = 8, 3
-"""Enough for every strategy to learn: meta-models choose hyperparameters from 8 tests, evolutionary testing mutates from 20."""
+"""Enough for every strategy to learn.
+
+Meta-models choose hyperparameters from 8 tests; evolutionary testing mutates from 20.
+"""
 X = Variable("x", "continuous", "m", 0, 10, 1)
 KIND = Variable("kind", "categorical", values=("a", "b", "c"))
 SIDE = Variable("side", "categorical", values=("left", "right"))

@@ -1,4 +1,7 @@
-"""The OpenGL backend: probed, stored, probed again when the machine changes, one message if it fails."""
+"""The OpenGL backend is probed, stored, and probed again when the machine changes.
+
+If it fails, there is one message.
+"""
 
 from __future__ import annotations
 

@@ -39,7 +39,10 @@ def script(path: Path, text: str) -> None:
 
 
 def fit_python(folder: Path, text: str) -> None:
-    """A stand-in for the Python of a checkout: it is asked for its version and for OpenGL, and otherwise runs the text."""
+    """Write a stand-in for the Python of a checkout.
+
+    It answers questions about its version and OpenGL, and otherwise runs the text.
+    """
     answers = 'case "$*" in -c*) exit ;; -V) echo Python 3.11.2; exit ;;'
     opengl = '"-m pipeline.simulators.gl") echo egl; exit ;; esac'
     script(folder / ".venv/bin/python", f"{answers} {opengl}\n{text}")
@@ -377,7 +380,13 @@ def test_a_faulty_program_is_not_reported_as_a_missing_library(ready: Path) -> N
 
 
 def installing(checkout: Path, cpu_builds: bool, **settings: str) -> list[str]:
-    """What a set-up asks uv for, on a machine where PyTorch's CPU builds can be reached or not; then what it says."""
+    """The calls of uv in a set-up, then its messages.
+
+    Args:
+        checkout: the folder to set up.
+        cpu_builds: whether the CPU builds of PyTorch can be reached.
+        settings: environment variables.
+    """
     uv = 'echo "uv $(echo "$*" | grep -oE -e "--torch-backend cpu.*|torch===.*|-e .*")" >>calls'
     refused = "" if cpu_builds else '; case "$*" in *torch-backend*) exit 1 ;; esac'
     script(checkout / ".venv/bin/uv", uv + refused)

@@ -57,7 +57,7 @@ def verify(
     >>> verify(np.array([[0, 0], [0, 1], [1, 1]]), Constraints((2, 2)), 2).missing
     (((0, 1), (1, 0)),)
     """
-    listed = list(map(tuple, np.asarray(rows).tolist()))
+    listed = [tuple(map(int, row)) for row in rows]
     broken: list[tuple[int, int]] = []
     feasible = []
     for i, row in enumerate(listed):

@@ -139,10 +139,9 @@ class _Photographer:
         self._surfaces = _surfaces(stage)
         self._people = tuple(population(PEOPLE))
         model = stage.model
-        self._body_of = {
-            name: int(model.body(name).rootid[0])
-            for name in (f"vehicle{i}" for i in range(len(FLEET)))
-        }
+        self._body_of: dict[str, int] = {}
+        for i in range(len(FLEET)):
+            self._body_of[f"vehicle{i}"] = int(model.body(f"vehicle{i}").rootid[0])
         self._root = model.body_rootid[model.geom_bodyid]
 
     def shoot(self, point: Point, rng: np.random.Generator) -> Snapshot:
@@ -195,7 +194,7 @@ class _Photographer:
         return forward, oncoming
 
     def _others(self, names: list[str], point: Point, u: float, rng: np.random.Generator) -> None:
-        """Other road users: a car in the next lane, cars in the lay-by, a person on the pavement."""
+        """Place a car in the next lane, cars in the lay-by and a person on the pavement."""
         stage, street = self._stage, self._street
         if point["lanes"] == "2" and rng.random() < BESIDE_SHARE:
             beside = LANE_WIDTH / 2 if point["current_lane"] == "1" else -LANE_WIDTH / 2
