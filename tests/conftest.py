@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 
 from pipeline.core.coverage import arrays
+
+if TYPE_CHECKING:
+    from tests.studies import StudyFolder
 
 # A busy machine takes longer than Hypothesis' deadline of 200 ms now and then.
 settings.register_profile("no-deadline", deadline=None)
@@ -36,3 +40,14 @@ def short_annealing() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arrays, "QUICK_OPERATIONS", arrays.QUICK_OPERATIONS / 100)
         yield
+
+
+@pytest.fixture(scope="module")
+def one_worker(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
+    """A study whose campaign one worker has executed without an interruption."""
+    # Imported here: the tests of the core run without the workflow's packages.
+    from tests.campaigns import analytic_study, key
+
+    study = analytic_study(tmp_path_factory.mktemp("one"))
+    assert study.run("campaign", **key()) == 0
+    return study

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from pipeline.core import kpi
 from pipeline.core.loop import run_test
@@ -20,18 +19,9 @@ from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
 from pipeline.simulators.mujoco.world import MujocoWorld
 from pipeline.testing import CAR, check_world
+from tests.contracts.replays import CONF, described, signature
 
-CONF = Path(__file__).resolve().parents[2] / "conf" / "scenario"
 NAMES = sorted(path.stem for path in CONF.glob("F*.yaml"))
-
-
-def described(name: str) -> FunctionalScenario:
-    plain = {
-        **yaml.safe_load((CONF / "_space.yaml").read_text()),
-        **yaml.safe_load((CONF / f"{name}.yaml").read_text()),
-    }
-    del plain["defaults"]
-    return FunctionalScenario.model_validate_json(json.dumps(plain))
 
 
 def man(scenario: FunctionalScenario) -> str:
@@ -225,13 +215,15 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
         for p, a, r in zip(points, (-12.0, -0.5, 40.0), (0.0, 0.0, 90.0), strict=True)
     ]
     world = MujocoWorld(scenario, CAR.vehicle)
-    here = [_signature(world, concrete) for concrete in concretes]
+    here = [signature(world, concrete) for concrete in concretes]
     world.close()
     program = (
         "import json, sys; sys.path.insert(0, sys.argv[1])\n"
-        "from tests.contracts.test_mujoco_world import CAR, MujocoWorld, _signature, described\n"
+        "from pipeline.simulators.mujoco.world import MujocoWorld\n"
+        "from pipeline.testing import CAR\n"
+        "from tests.contracts.replays import described, signature\n"
         "concretes = json.load(sys.stdin); world = MujocoWorld(described('F2'), CAR.vehicle)\n"
-        "print(json.dumps([_signature(world, c) for c in reversed(concretes)]))"
+        "print(json.dumps([signature(world, c) for c in reversed(concretes)]))"
     )
     root = str(Path(__file__).resolve().parents[2])
     done = subprocess.run(
@@ -243,13 +235,3 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
         cwd=root,
     )
     assert json.loads(done.stdout.splitlines()[-1]) == here[::-1]
-
-
-def _signature(world: MujocoWorld, concrete: dict[str, Any]) -> list[Any]:
-    episode = run_test(world, VisiblePixelOracle(), CAR, concrete, keep_every=1)
-    images = [int(kept.frame.image.astype(np.int64).sum()) for kept in episode.frames]
-    return [
-        images,
-        kpi.evaluate(episode.signals, 0.1).adj_ttc_s.hex(),
-        episode.signals["contrast"].tolist(),
-    ]

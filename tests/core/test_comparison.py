@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import re
 
-import numpy as np
 import pytest
 
 from pipeline.core.comparison import (
-    SequenceOutcomes,
     SequenceTest,
     group_failures,
     judge,
     pair,
     pair_groups,
 )
-
-
-def outcomes(signs: str) -> SequenceOutcomes:
-    """By sign: '.' passes, 'c' fails by TTC, 'f' by false positives, 'e' is an error."""
-    each = np.array(list(signs))
-    return SequenceOutcomes(each != "e", (each == "c") | (each == "f"), each == "c")
+from tests.core.outcomes import outcomes
 
 
 def test_the_name_of_a_test_is_read_back() -> None:

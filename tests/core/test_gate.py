@@ -16,7 +16,7 @@ from pipeline.core.gate import (
     limit_rise,
 )
 from pipeline.core.statistics import wilson_interval
-from tests.core.test_comparison import outcomes
+from tests.core.outcomes import outcomes
 
 POLICY = Policy(alpha=0.05, confidence=0.95, margin=0.1)
 ALL = Part("all", "failures", np.ones(60, bool))

@@ -22,7 +22,7 @@ from pipeline.detectors.yolo.network import Architecture, Yolo
 from pipeline.detectors.yolo.training import initial_model
 from pipeline.errors import InputError
 from pipeline.protocols import Detector
-from tests.detectors.test_quantisation import telling
+from tests.detectors.networks import spread_scores
 
 SIZE = (96, 64)
 
@@ -30,7 +30,7 @@ SIZE = (96, 64)
 @pytest.fixture(scope="module")
 def network() -> Yolo:
     network = initial_model(3, lambda: Yolo(Architecture((8, 8, 12, 16, 16), 8))).eval()
-    telling(network)
+    spread_scores(network)
     return network
 
 

@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
-import torch
-from torch import nn
 
 from pipeline.__main__ import main
 from pipeline.artefacts.dataset import TRUTH_FILE, Record, Split, write_image, write_truth
@@ -18,29 +16,14 @@ from pipeline.detectors.quantisation import quantise
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.network import Architecture, Yolo
 from pipeline.detectors.yolo.training import initial_model
+from tests.detectors.networks import spread_scores
 from tests.studies import ROOT
-
-
-def telling(network: Yolo) -> None:
-    """Make an untrained network's scores differ between cells.
-
-    Without normalisation its activations fade from layer to layer.
-    """
-    for module in network.modules():
-        if isinstance(module, nn.BatchNorm2d):
-            module.momentum = 1.0
-    with torch.no_grad():
-        network.train()(torch.rand(8, 3, 64, 96, generator=torch.Generator().manual_seed(0)))
-        for head in network.heads:
-            head[-1].weight[4].mul_(10)  # type: ignore[index, operator]
-            head[-1].bias[4].zero_()  # type: ignore[index, operator]
-    network.eval()
 
 
 def test_quantisation_keeps_scores_and_stores_8_bit_convolutions(tmp_path: Path) -> None:
     whole, small = tmp_path / "whole.onnx", tmp_path / "int8.onnx"
     network = initial_model(3, lambda: Yolo(Architecture((8, 8, 12, 16, 16), 8))).eval()
-    telling(network)
+    spread_scores(network)
     export_onnx(whole, network, (96, 64))
     images = np.random.default_rng(0).integers(0, 255, (12, 64, 96, 3), dtype=np.uint8)
     quantise(whole, images[:8], small)

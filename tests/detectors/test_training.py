@@ -32,14 +32,11 @@ from pipeline.detectors.yolo.training import (
     initial_model,
 )
 from pipeline.errors import InputError
+from tests.detectors.networks import small_network
 
 SIZE = (96, 64)
 MEAN = "stage4.0.1.running_mean"
 ALONE = Run(threads=1)
-
-
-def small() -> Yolo:
-    return initial_model(0, lambda: Yolo(Architecture((8, 16, 16, 24, 32), 16)))
 
 
 def people(count: int, seed: int) -> ImageSet:
@@ -74,7 +71,7 @@ def test_training_memorises_a_few_images() -> None:
         return images.images, images.boxes
 
     model = fit(
-        small(), Lesson(Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed), ALONE
+        small_network(), Lesson(Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed), ALONE
     ).model
     scaled = torch.from_numpy(images.images).permute(0, 3, 1, 2).float() / 255
     with torch.inference_mode():
@@ -114,19 +111,19 @@ def test_a_killed_training_reaches_the_same_weights(
             raise KeyboardInterrupt
         return feed(iteration)
 
-    uninterrupted = fit(small(), Lesson(schedule, feed), ALONE).model
+    uninterrupted = fit(small_network(), Lesson(schedule, feed), ALONE).model
     with pytest.raises(KeyboardInterrupt):
-        fit(small(), Lesson(schedule, feed_until_killed, "a"), Run(checkpoint, threads=1))
+        fit(small_network(), Lesson(schedule, feed_until_killed, "a"), Run(checkpoint, threads=1))
     done: list[int] = []
     counted = Run(checkpoint, 1, lambda now, *_: done.append(now))
-    resumed = fit(small(), Lesson(schedule, feed, "a"), counted).model
+    resumed = fit(small_network(), Lesson(schedule, feed, "a"), counted).model
     assert same(uninterrupted, resumed)
     assert done == [7]
-    other = fit(small(), Lesson(schedule, feed, "b"), Run(checkpoint, threads=1)).model
+    other = fit(small_network(), Lesson(schedule, feed, "b"), Run(checkpoint, threads=1)).model
     assert same(uninterrupted, other)
     monkeypatch.setattr(training, "program_sha256", lambda *_: "another")
     done.clear()
-    fit(small(), Lesson(schedule, feed, "b"), counted)
+    fit(small_network(), Lesson(schedule, feed, "b"), counted)
     assert (
         done == [7]
         and torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)["identity"]
@@ -136,7 +133,7 @@ def test_a_killed_training_reaches_the_same_weights(
         checkpoint.write_bytes(damaged)
         assert same(
             uninterrupted,
-            fit(small(), Lesson(schedule, feed, "a"), Run(checkpoint, threads=1)).model,
+            fit(small_network(), Lesson(schedule, feed, "a"), Run(checkpoint, threads=1)).model,
         )
 
 
@@ -187,7 +184,7 @@ def test_schedule_checks_its_ranges(wrong: dict[str, Any], message: str) -> None
 
 
 def test_frozen_statistics_do_not_change() -> None:
-    model = small()
+    model = small_network()
     before = model.state_dict()[MEAN].clone()
     images = people(4, 2)
     schedule = Schedule(0, 2, 1e-3, frozen_statistics=True)
@@ -217,7 +214,7 @@ def test_retraining_shows_large_crops(size: tuple[int, int], crop: tuple[int, in
 
 
 def test_retraining_leaves_the_first_stage_as_it_is() -> None:
-    images, parent = people(8, 6), small()
+    images, parent = people(8, 6), small_network()
     trained = retrain(
         copy.deepcopy(parent),
         ImageSets(images, None, images),
@@ -230,7 +227,7 @@ def test_retraining_leaves_the_first_stage_as_it_is() -> None:
 def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
     images = people(8, 6)
     parent, sets, plan = (
-        small(),
+        small_network(),
         ImageSets(images, people(4, 7), people(4, 9)),
         Refinement(2, 4, 1e-4, 0.5, (0,)),
     )
@@ -250,8 +247,8 @@ def test_a_checkpoint_of_other_images_or_weights_is_ignored(tmp_path: Path) -> N
     )
     other_weights = initial_model(1, lambda: Yolo(Architecture((8, 16, 16, 24, 32), 16)))
     for parent, added in (
-        (small(), people(4, 7)),
-        (small(), people(4, 8)),
+        (small_network(), people(4, 7)),
+        (small_network(), people(4, 8)),
         (other_weights, people(4, 8)),
     ):
         sets = ImageSets(images, added, images)
@@ -286,8 +283,10 @@ def test_every_version_takes_all_its_steps(
     monkeypatch.setattr(retraining, "watching", falling)
     images = people(8, 6)
     plan = Refinement(iterations, 4, 1e-3, 0.5, (0,))
-    fitted = retrain(small(), ImageSets(images, None, images), plan, Run(tmp_path / "c", threads=1))
-    kept = small()
+    fitted = retrain(
+        small_network(), ImageSets(images, None, images), plan, Run(tmp_path / "c", threads=1)
+    )
+    kept = small_network()
     kept.load_state_dict(torch.load(tmp_path / "c", weights_only=True)["average"])
     assert fitted.curve[-1].iteration == iterations and same(fitted.model, kept)
 
@@ -296,7 +295,7 @@ def test_every_version_takes_all_its_steps(
 def test_the_average_contains_the_last_of_an_odd_number_of_steps(iterations: int) -> None:
     images, averages = people(4, 2), []
     for steps in (iterations - 1, iterations):
-        model = small()
+        model = small_network()
         if steps:
             model = fit(
                 model,
@@ -415,7 +414,7 @@ def test_a_training_killed_during_an_evaluation_repeats_it(
 
         watch = Validation(ap50, every=2, patience=2)
         return fit(
-            small(),
+            small_network(),
             Lesson(Schedule(0, 10, 1e-3, warm_up=3), feed, validation=watch),
             Run(checkpoint, threads=1),
         )
@@ -443,7 +442,11 @@ def test_a_non_finite_loss_ends_the_training_before_its_weights_are_saved(
         match="the loss is not finite at iteration 8: lower learning_rate, now 0.001,"
         " or check the labels",
     ):
-        fit(small(), Lesson(Schedule(0, 20, 1e-3, warm_up=3), feed), Run(checkpoint, threads=1))
+        fit(
+            small_network(),
+            Lesson(Schedule(0, 20, 1e-3, warm_up=3), feed),
+            Run(checkpoint, threads=1),
+        )
     kept = torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)
     assert kept["iteration"] == 7 and all(
         torch.isfinite(value.float()).all() for value in kept["model"].values()
@@ -463,7 +466,7 @@ def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(
     watch = Validation(ap50, every=2, patience=2)
     schedule, checkpoint = Schedule(0, 20, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
     lesson = Lesson(schedule, lambda _: (images.images, images.boxes), validation=watch)
-    fitted = fit(small(), lesson, Run(checkpoint, threads=1))
+    fitted = fit(small_network(), lesson, Run(checkpoint, threads=1))
     assert [(look.iteration, look.ap50) for look in fitted.curve] == [
         (2, 0.3),
         (4, 0.7),
@@ -471,7 +474,7 @@ def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(
         (8, 0.65),
     ]
     assert same(fitted.model, seen[1])
-    again = fit(small(), lesson, Run(checkpoint, threads=1))
+    again = fit(small_network(), lesson, Run(checkpoint, threads=1))
     assert len(seen) == 4 and same(again.model, fitted.model)
 
 

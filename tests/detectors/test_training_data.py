@@ -8,7 +8,6 @@ import torch
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet, image_set
-from pipeline.core.truth import Truth
 from pipeline.detectors.yolo.data import (
     Stream,
     View,
@@ -21,22 +20,7 @@ from pipeline.detectors.yolo.data import (
     shown_box,
     usable,
 )
-
-SIZE = (128, 96)
-
-
-def scene(
-    box: tuple[int, int, int, int] | None, pixels: int | None = None
-) -> tuple[NDArray[np.uint8], Truth]:
-    """A dark image with a bright red rectangle where the pedestrian is."""
-    image = np.full((SIZE[1], SIZE[0], 3), 30, np.uint8)
-    if box is None:
-        return image, Truth()
-    left, top, right, bottom = box
-    image[top:bottom, left:right] = (250, 20, 20)
-    area = (right - left) * (bottom - top) if pixels is None else pixels
-    truth = tuple(float(value) for value in box)
-    return image, Truth(truth, truth, area, area, 60.0)  # type: ignore[arg-type]
+from tests.data_sets import SCENE_SIZE, scene
 
 
 def people() -> ImageSet:
@@ -56,7 +40,7 @@ def coloured(image: NDArray[np.uint8]) -> NDArray[np.float64]:
     )
 
 
-@pytest.mark.parametrize("size", [SIZE, (64, 64)])
+@pytest.mark.parametrize("size", [SCENE_SIZE, (64, 64)])
 def test_boxes_follow_the_pixels(size: tuple[int, int]) -> None:
     for seed in range(20):
         shown, boxes = batch(people(), np.arange(4), size, (seed,), relit=0.0)
@@ -88,7 +72,9 @@ def test_a_batch_is_the_same_with_any_number_of_threads() -> None:
 def test_only_a_share_of_the_examples_is_relit() -> None:
     original = {tuple(colour) for image in people().images for colour in image.reshape(-1, 3)}
     for share, low, high in ((0.0, 0, 0), (0.5, 60, 140), (1.0, 150, 200)):
-        shown = batch(people().take(np.array([1])), np.zeros(200, np.int64), SIZE, (0,), share)[0]
+        shown = batch(
+            people().take(np.array([1])), np.zeros(200, np.int64), SCENE_SIZE, (0,), share
+        )[0]
         # Grey frames change by light alone; warps may add the border's grey.
         changed = sum(tuple(image[48, 64]) not in original for image in shown)
         assert low <= changed <= high
@@ -107,13 +93,15 @@ def test_recolouring_rotates_hues_and_keeps_brightness() -> None:
 def test_flipping_mirrors_image_and_box() -> None:
     image, truth = scene((10, 40, 20, 64))
     view = View((64, 48), 1.0, True)
-    assert np.array_equal(show(image, view, SIZE), image[:, ::-1])
-    box, left = shown_box(np.array(truth.visible_box, np.float32), mapping(view, SIZE), SIZE)
+    assert np.array_equal(show(image, view, SCENE_SIZE), image[:, ::-1])
+    box, left = shown_box(
+        np.array(truth.visible_box, np.float32), mapping(view, SCENE_SIZE), SCENE_SIZE
+    )
     assert box.tolist() == [108, 40, 118, 64]
     assert left == 1
 
 
-@pytest.mark.parametrize("size", [SIZE, (64, 64)])
+@pytest.mark.parametrize("size", [SCENE_SIZE, (64, 64)])
 def test_half_of_the_examples_are_flipped(size: tuple[int, int]) -> None:
     image, truth = scene((60, 30, 76, 66))
     image[30:66, 60:68] = (20, 20, 250)  # Its left half is blue.

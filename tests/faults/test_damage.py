@@ -43,9 +43,9 @@ from pipeline.execution.journal import Journal, Outcome
 from pipeline.progress import Progress
 from pipeline.tracking.client import connect
 from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
+from tests.campaigns import analytic_study, folder, key, same
+from tests.campaigns import journal as journal_of
 from tests.studies import ROOT
-from tests.workflow.test_campaign import analytic_study, folder, key, same
-from tests.workflow.test_campaign import journal as journal_of
 
 
 def _cut(path: Path) -> None:

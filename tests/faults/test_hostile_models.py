@@ -24,11 +24,11 @@ from pipeline.execution.worker import CONTEXT, Broken, Done, Make, Pool, Worker,
 from pipeline.execution.workers import Execution, Setup, Workers, episode
 from pipeline.progress import Progress
 from pipeline.steps import calibrate
-from tests.detectors.test_evaluation import VISIBLE, images
+from tests.campaigns import analytic_study, folder, journal, key
+from tests.data_sets import VISIBLE, images
 from tests.faults import hostile
 from tests.faults.hostile import ACTS, Hostile, Numbered
 from tests.studies import ROOT
-from tests.workflow.test_campaign import analytic_study, folder, journal, key
 
 LOOSE = Limits(test_s=600, frame_s=600, memory_mb=8000)
 ORACLE = ["simulator=analytic", "detector=oracle"]

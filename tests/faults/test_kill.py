@@ -27,8 +27,8 @@ from pipeline.core.space import Value
 from pipeline.detectors.yolo.weights import load_weights
 from pipeline.simulators.analytic import AnalyticWorld
 from tests.analysis.fabricated import FabricatedStudy
+from tests.campaigns import OVERRIDES, analytic_study
 from tests.studies import ROOT, StudyFolder, arguments
-from tests.workflow.test_campaign import OVERRIDES, analytic_study
 
 TRAIN = """
 import sys

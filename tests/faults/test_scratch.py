@@ -26,10 +26,9 @@ from pipeline.execution.workers import Execution, Workers
 from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.simulators.mujoco.random_scenes import Scene
-from tests.studies import ROOT
-from tests.workflow.test_campaign import analytic_study, folder, journal, key, one_worker, same
+from tests.campaigns import analytic_study, folder, journal, key, same
+from tests.studies import ROOT, StudyFolder
 
-__all__ = ["one_worker"]
 SCRATCH, IMAGE = Path("data/smoke/journal/render_base"), "images/train/000000.jpg"
 
 
@@ -207,7 +206,7 @@ def test_a_disk_without_second_names_gets_copies(
 
 
 def test_a_campaign_killed_while_its_tables_are_hashed_executes_no_test_again(
-    one_worker: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    one_worker: StudyFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study = analytic_study(tmp_path)
     with pytest.MonkeyPatch.context() as patch:

@@ -20,9 +20,9 @@ from typing import Any
 import pytest
 import yaml
 from hypothesis import example, given, settings
-from hypothesis import strategies as st
 
 from pipeline.__main__ import main
+from tests.laws.mutations import CHANGES, mutated
 
 SPACE = """variables:
   sky: {values: [on, off, 1.10, 1.1], weights: {off: 2}}
@@ -37,69 +37,6 @@ TABLE = (
     'sky,fog,turn,lanes,note\non,3,350,1,"a, b"\noff,20,90,2,\n1.10,100,10,1,c\n1.1,"[0, '
     '20)",180,2.0,d\noff,7,7,1,e\n,55,,1,f\n'
 )
-PIECES = [
-    "",
-    ",",
-    '"',
-    "\n",
-    ";",
-    "\t",
-    " ",
-    "0",
-    "1",
-    "2",
-    ".",
-    "-",
-    "e",
-    "_",
-    "a",
-    "on",
-    "sky",
-    "fog",
-    "null",
-    "~",
-    "nan",
-    ":",
-    "[",
-    "]",
-    "{",
-    "}",
-]
-PIECES += [
-    *"0123456789on ",
-    "#",
-    "'",
-    "!",
-    "=",
-    "\r",
-    "\ufeff",
-    "é",
-    "- ",
-    "1.1",
-    "sky,",
-    "\n\n",
-    ", ",
-    '""',
-    "&a",
-    "*a",
-    "<<",
-    "---\n",
-    "|",
-    "?",
-]
-CHANGES = st.lists(
-    st.tuples(st.integers(0, 10_000), st.integers(0, 3), st.sampled_from(PIECES)),
-    min_size=1,
-    max_size=2,
-)
-
-
-def mutated(text: str, changes: list[tuple[int, int, str]]) -> str:
-    """Replace a few characters at some places by other pieces."""
-    for place, length, piece in changes:
-        start = place % (len(text) + 1)
-        text = text[:start] + piece + text[start + length :]
-    return text
 
 
 def meaning(body: dict[str, Any], text: str) -> int | None:

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from pipeline.artefacts.point_table import read_points
 from pipeline.artefacts.space_formats import read_space_of_any_format
 from pipeline.errors import InputError
-from tests.laws.test_mutated_files import CHANGES, mutated
+from tests.laws.mutations import CHANGES, mutated
 
 EXAMPLES = Path(__file__).parents[2] / "docs/howto/standard-odds"
 SPACES = ("odd.yaml", "iso34503.yaml", "pict.txt", "acts.txt", "acts.xml")

@@ -24,9 +24,9 @@ from pipeline.errors import InputError
 from pipeline.execution.campaign import sampler_seed
 from pipeline.workflow.jobs import Jobs, step_names
 from pipeline.workflow.stamping import Stamps
+from tests.campaigns import MODEL, OVERRIDES, folder, key, same
 from tests.planted import ALTITUDE, FOG, SPACE, World
 from tests.studies import StudyFolder
-from tests.workflow.test_campaign import MODEL, OVERRIDES, folder, key, same
 
 KIND = "campaigns/audit"
 ADAPTIVE = ["strategies=[mixed]", "arms.random=mixed"]

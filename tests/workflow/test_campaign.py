@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -22,67 +21,18 @@ from pipeline.artefacts.scenario_space import read_space
 from pipeline.config.composing import PARAMS, compose, load
 from pipeline.core import kpi
 from pipeline.core.detections import Detections
-from pipeline.core.encounter import Encounter
 from pipeline.core.episode import Frame
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import kinds_of
 from pipeline.core.names import count_of
-from pipeline.core.space import Value
-from pipeline.errors import SimulationError
 from pipeline.execution import workers
 from pipeline.execution.campaign import CampaignPlan, sampler_seed
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
-from pipeline.simulators.analytic import AnalyticWorld
+from tests.campaigns import MODEL, analytic_study, folder, journal, key, same
 from tests.spaces import SMALL
 from tests.strategies import strategies
 from tests.studies import ROOT, StudyFolder, arguments
-
-OVERRIDES = [
-    "simulator=analytic",
-    "detector=oracle",
-    "seeds=[3]",
-    "campaign.tests=24",
-    "samplers.mixed.batch_size=8",
-]
-FILES = ("tests.parquet", "signals.parquet", "frames.parquet")
-MODEL = "models/base/model.onnx"
-
-
-def analytic_study(root: Path, *overrides: str) -> StudyFolder:
-    """A study on the analytic simulator, with the spaces of its scenarios and a stand-in for a
-    model file."""
-    study = StudyFolder.composed(root, "smoke", [*OVERRIDES, *overrides])
-    for scenario in ("F1", "F2", "F1star"):
-        assert study.run("define-space", scenario=scenario) == 0
-    (study / MODEL).parent.mkdir(parents=True)
-    (study / MODEL).write_bytes(b"the oracle needs none")
-    return study
-
-
-def key(strategy: str = "mixed", scenario: str = "F1", kind: str = "campaigns") -> dict[str, Any]:
-    return {"kind": kind, "scenario": scenario, "strategy": strategy, "version": "base", "seed": 3}
-
-
-def folder(
-    study: StudyFolder, strategy: str = "mixed", scenario: str = "F1", kind: str = "campaigns"
-) -> Path:
-    return study / "/".join(map(str, key(strategy, scenario, kind).values()))
-
-
-def journal(study: StudyFolder) -> Path:
-    return study / "/".join(["journal", "campaign", *map(str, key().values())])
-
-
-@pytest.fixture(scope="module")
-def one_worker(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
-    study = analytic_study(tmp_path_factory.mktemp("one"))
-    assert study.run("campaign", **key()) == 0
-    return study
-
-
-def same(first: Path, other: Path) -> bool:
-    return all((first / name).read_bytes() == (other / name).read_bytes() for name in FILES)
 
 
 def test_two_workers_give_the_same_bytes_as_one(one_worker: StudyFolder, tmp_path: Path) -> None:
@@ -175,7 +125,7 @@ def finished(study: StudyFolder) -> int:
 def test_a_campaign_killed_three_times_gives_the_same_bytes(
     one_worker: StudyFolder, tmp_path: Path
 ) -> None:
-    study = analytic_study(tmp_path, "simulator._target_=tests.workflow.test_campaign.Slow")
+    study = analytic_study(tmp_path, "simulator._target_=tests.campaigns.Slow")
     command = [sys.executable, "-m", "pipeline", *arguments("campaign", 2, **key())]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     for _ in range(3):
@@ -351,26 +301,6 @@ def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     )
 
 
-class Slow(AnalyticWorld):
-    """Slows execution down, so that a test can kill it between two executions."""
-
-    def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
-        time.sleep(0.1)
-        return super().reset(concrete, seed)
-
-
-class Fragile(AnalyticWorld):
-    """A world with errors on some scenarios that kills its process on one, for tests of the
-    executor."""
-
-    def reset(self, concrete: Mapping[str, Value], seed: int) -> Encounter:
-        if float(concrete["fog"]) > 70:
-            raise SimulationError("too much fog to simulate")
-        if float(concrete["rain"]) > 92:
-            os._exit(9)
-        return super().reset(concrete, seed)
-
-
 class Unsorted:
     """A foreign class that violates its contract once a person is visible."""
 
@@ -401,7 +331,7 @@ def test_an_error_in_a_simulation_is_a_separate_outcome(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    study = analytic_study(tmp_path, "simulator._target_=tests.workflow.test_campaign.Fragile")
+    study = analytic_study(tmp_path, "simulator._target_=tests.campaigns.Fragile")
     assert study.run("campaign", threads=2, **key("random")) == 0
     tests = tables.read_tests(folder(study, "random") / "tests.parquet")
     foggy, crashed = tests["fog"] > 70, (tests["rain"] > 92) & (tests["fog"] <= 70)

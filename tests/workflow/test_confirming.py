@@ -28,9 +28,9 @@ from pipeline.progress import Progress
 from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.region_cards import Shown, cards, pictured
 from pipeline.simulators.analytic import AnalyticWorld
-from tests.analysis.test_evidence import world
+from tests.analysis.searched import world
+from tests.campaigns import analytic_study
 from tests.spaces import SMALL
-from tests.workflow.test_campaign import analytic_study
 
 FRESH = 12
 

@@ -33,9 +33,9 @@ from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.region_cards import Shown, cards, pictured
 from pipeline.scenarios.changes import CONTROL, Change
 from pipeline.simulators.analytic import AnalyticWorld
-from tests.analysis.test_evidence import world
+from tests.analysis.searched import world
+from tests.campaigns import analytic_study
 from tests.studies import StudyFolder
-from tests.workflow.test_campaign import analytic_study
 
 FAILURES = 6
 CAUSES = {

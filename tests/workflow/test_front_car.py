@@ -22,7 +22,7 @@ from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.truth import Truth
 from pipeline.report.front_car_page import by_condition, first_covering
 from pipeline.steps.front_car_evaluate import is_right
-from tests.detectors.test_evaluation import AWAY, PERSON, said
+from tests.data_sets import AWAY, PERSON, detected
 from tests.studies import StudyFolder
 
 SMALL = [
@@ -165,11 +165,11 @@ def test_the_page_shows_the_table_the_growth_and_the_images(study: Path) -> None
 
 def test_a_detector_is_right_if_it_finds_the_vehicle_that_is_there_and_nothing_else() -> None:
     answers = [
-        said((PERSON, 0.9)),
-        said((PERSON, 0.9), (AWAY, 0.8)),
-        said(),
-        said((PERSON, 0.4)),
-        said((AWAY, 0.9)),
+        detected((PERSON, 0.9)),
+        detected((PERSON, 0.9), (AWAY, 0.8)),
+        detected(),
+        detected((PERSON, 0.4)),
+        detected((AWAY, 0.9)),
     ]
     for truth, right in (
         (Truth(PERSON, PERSON, 800, 800, 50.0), [True, False, False, False, False]),

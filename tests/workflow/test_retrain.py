@@ -19,7 +19,7 @@ from pipeline.learning import fitting, versions
 from pipeline.progress import Progress
 from pipeline.steps import retrain
 from tests.cards import CARD
-from tests.detectors.test_training_data import scene
+from tests.data_sets import scene
 
 
 def control(root: Path, version: str) -> Job:

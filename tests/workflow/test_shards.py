@@ -18,9 +18,9 @@ from pipeline.core.space import Floats
 from pipeline.testing import check_sampler
 from pipeline.workflow.jobs import Jobs, Target, step_names
 from pipeline.workflow.stamping import Stamps
+from tests.campaigns import analytic_study, folder, key
 from tests.spaces import SMALL
 from tests.studies import ROOT, StudyFolder
-from tests.workflow.test_campaign import analytic_study, folder, key
 
 COUNT = 3
 """The shards begin and end inside batches."""
@@ -59,7 +59,7 @@ def test_shards_give_the_bytes_of_the_whole_campaign(tmp_path: Path, strategy: s
 
 def test_a_shard_may_end_in_errors_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    fragile = "simulator._target_=tests.workflow.test_campaign.Fragile"
+    fragile = "simulator._target_=tests.campaigns.Fragile"
     assert list(joined(tmp_path, "random", fragile, f"campaign.tests={COUNT}")["status"]) == [
         "ok",
         "ok",

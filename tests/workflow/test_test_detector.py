@@ -22,7 +22,7 @@ from pipeline.core.episode import Frame
 from pipeline.detectors.yolo.export import export_version
 from pipeline.errors import InputError
 from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
-from tests.detectors.test_layouts import export, yolov8
+from tests.onnx_models import export, yolov8
 from tests.studies import ROOT, know_sources
 
 SMALL = [

@@ -18,8 +18,8 @@ from pipeline.detectors.yolo.training import Fitted
 from pipeline.detectors.yolo.weights import load_weights
 from pipeline.learning import versions
 from pipeline.learning.versions import detect_all
-from tests.detectors.test_evaluation import PERSON, VISIBLE, images, said
-from tests.detectors.test_training import small
+from tests.data_sets import PERSON, VISIBLE, detected, images
+from tests.detectors.networks import small_network
 from tests.studies import ROOT, StudyFolder
 
 
@@ -52,11 +52,11 @@ def test_a_version_is_measured_with_its_calibrated_scores(
 ) -> None:
     config, out = compose("base", ["detector.threshold=0.5"]), tmp_path / "model.json"
     monkeypatch.setattr(versions, "export_onnx", Mock())
-    monkeypatch.setattr(versions, "detect_all", lambda *_: [said((PERSON, 0.3))])
+    monkeypatch.setattr(versions, "detect_all", lambda *_: [detected((PERSON, 0.3))])
     monkeypatch.setattr(versions, "calibrate", lambda *_: Calibration(slope=1, offset=3))
     assert Calibration(slope=1, offset=3).apply([0.3]) == pytest.approx([0.9], abs=0.01)
     origin = versions.Origin("base", None, {}, {}, 0, Worlds())
     versions.write_version(
-        config, Fitted(small(), ()), images(VISIBLE), origin, out, lambda *_: None
+        config, Fitted(small_network(), ()), images(VISIBLE), origin, out, lambda *_: None
     )
     assert read_card(out).metrics["recall"] == 1
