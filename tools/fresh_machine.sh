@@ -45,7 +45,7 @@ row() { # PART SECONDS OUTCOME
   local version build gl disk
   version=$(inside "python3 -c 'import platform; print(platform.python_version())'")
   build=$(inside "cd ~/blindspot && .venv/bin/python -c 'import torch; print(torch.__version__)'" 2>/dev/null || echo none)
-  gl=$(inside "cd ~/blindspot && ls .cache/gl" 2>/dev/null | sed 's/.*-\(.*\)\.json/\1/' || true)
+  gl=$(inside "cd ~/blindspot && ls .cache/gl" 2>/dev/null | sed 's/.*-\(.*\)\.json/\1/' | paste -sd' ' || true)
   disk=$(du -sh "$root/root/blindspot" | cut -f1)
   echo "| $suite | $version | $build | ${gl:-none} | $1 | $2 | $disk | $3 |"
 }
