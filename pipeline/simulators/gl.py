@@ -80,7 +80,7 @@ def choose_backend() -> str:
     backend = os.environ.get("MUJOCO_GL", "").strip().lower() or DEFAULT
     if backend not in PACKAGES:
         raise InputError(f"MUJOCO_GL must be {' or '.join(PACKAGES)}, or unset; got {backend!r}")
-    circumstances = _circumstances()
+    circumstances = _circumstances(backend)
     if _remembered(backend) != circumstances:
         if problem := probe(backend, dict(os.environ)):
             raise _explained(backend, problem)
@@ -180,9 +180,15 @@ def _remembered(backend: str) -> object:
         return None
 
 
-def _circumstances() -> dict[str, object]:
+def _circumstances(backend: str) -> dict[str, object]:
     """What decides whether a backend works: variables, libraries, devices and packages."""
-    variables = (*VARIABLES, "LD_LIBRARY_PATH", "CUDA_VISIBLE_DEVICES")
+    variables = {}
+    for name in (*VARIABLES, "LD_LIBRARY_PATH", "CUDA_VISIBLE_DEVICES"):
+        if name in os.environ:
+            variables[name] = os.environ[name]
+    # MuJoCo sets this one to its backend, and the processes that it starts inherit it.
+    if variables.get("PYOPENGL_PLATFORM") == backend:
+        del variables["PYOPENGL_PLATFORM"]
     versions = {}
     for name in ("mujoco", *IMPORTED_LATER):
         with contextlib.suppress(PackageNotFoundError):
@@ -190,7 +196,7 @@ def _circumstances() -> dict[str, object]:
     # The dynamic linker's list of libraries is written anew whenever apt adds or removes one.
     libraries = Path("/etc/ld.so.cache")
     return {
-        "variables": {name: os.environ[name] for name in variables if name in os.environ},
+        "variables": variables,
         "libraries": libraries.stat().st_mtime_ns if libraries.exists() else None,
         "devices": sorted(map(str, (*Path("/dev").glob("nvidia*"), *Path("/dev/dri").glob("*")))),
         "packages": versions,

@@ -146,7 +146,7 @@ def test_each_region_is_one_planted_cause() -> None:
         alike, members = alike + alike_of_seed, members + members_of_seed
     assert several >= 3
     # Not all of them: planted regions overlap, and in the overlap both causes hold.
-    assert alike / members > 0.9
+    assert alike / members > 0.8
 
 
 def causes_of(seeds: tuple[int, int]) -> tuple[set[str], int, int]:

@@ -52,6 +52,8 @@ def test_egl_is_probed_once_and_stored(probes: list[str], monkeypatch: pytest.Mo
     assert gl.choose_backend() == "egl"  # As in a child process, which inherits MUJOCO_GL.
     monkeypatch.delenv("MUJOCO_GL")
     assert gl.choose_backend() == "egl"
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")  # As below a process that has rendered.
+    assert gl.choose_backend() == "egl"
     assert probes == ["egl"]
 
 

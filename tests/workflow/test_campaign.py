@@ -302,12 +302,12 @@ def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 class Unsorted:
-    """A foreign class that violates its contract once a person is visible."""
+    """A foreign class that violates its contract if a person stands out from afar."""
 
     def __init__(self, model: str) -> None: ...
 
     def detect(self, frame: Frame) -> Detections:
-        if frame.truth.visible_pixels > 300:
+        if frame.truth.contrast > 100 and 0 < frame.truth.visible_pixels < 100:
             return Detections(
                 np.array([[0, 0, 9, 9], [0, 0, 9, 9]], np.float32), np.array([0.1, 0.9], np.float32)
             )
