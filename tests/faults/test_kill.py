@@ -119,7 +119,7 @@ class Noted(AnalyticWorld):
 
 
 class Large:
-    """Draws its box 1.6 times as wide as the pedestrian: it matches at an IoU of 0.5, not of 0.7."""
+    """Draws its box 1.6 times as wide as the pedestrian, which matches at an IoU of 0.5 alone."""
 
     def __init__(self, model: str) -> None: ...
 
