@@ -189,6 +189,9 @@ def _circumstances(backend: str) -> dict[str, object]:
     # MuJoCo sets this one to its backend, and the processes that it starts inherit it.
     if variables.get("PYOPENGL_PLATFORM") == backend:
         del variables["PYOPENGL_PLATFORM"]
+    # OpenCV adds a folder that its wheel does not have; what is not there changes nothing.
+    folders = variables.pop("LD_LIBRARY_PATH", "").split(":")
+    variables["LD_LIBRARY_PATH"] = ":".join(filter(os.path.isdir, folders))
     versions = {}
     for name in ("mujoco", *IMPORTED_LATER):
         with contextlib.suppress(PackageNotFoundError):

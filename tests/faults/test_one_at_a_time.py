@@ -31,9 +31,8 @@ import subprocess, sys
 from pathlib import Path
 from types import SimpleNamespace
 from pipeline.commands import test_detector as command
-run = subprocess.run
 waits = [sys.executable, "-c", "import sys; print('started', flush=True); sys.stdin.read()"]
-subprocess.run = lambda words, **options: run(waits, **options)
+command.subprocess = SimpleNamespace(run=lambda words, **options: subprocess.run(waits, **options))
 command.check = lambda *_: None
 Path("a.onnx").touch()
 command.run(SimpleNamespace(words=["a.onnx"], study="default", calibrate=False, cores=1))

@@ -53,15 +53,16 @@ def test_egl_is_probed_once_and_stored(probes: list[str], monkeypatch: pytest.Mo
     monkeypatch.delenv("MUJOCO_GL")
     assert gl.choose_backend() == "egl"
     monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")  # As below a process that has rendered.
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/not/there:")  # As below one that imports OpenCV.
     assert gl.choose_backend() == "egl"
     assert probes == ["egl"]
 
 
 def test_a_changed_machine_is_probed_again(
-    probes: list[str], monkeypatch: pytest.MonkeyPatch
+    probes: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gl.choose_backend()
-    monkeypatch.setenv("LD_LIBRARY_PATH", "/elsewhere")
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     gl.choose_backend()
     monkeypatch.setattr(gl, "version", lambda _: "another")
     gl.choose_backend()
