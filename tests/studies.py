@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Sequence
 from contextlib import chdir
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from pathlib import Path
 from pipeline.__main__ import main
 from pipeline.config.composing import compose, dump
 from pipeline.config.schema import Config
+from pipeline.simulators import gl
 from pipeline.sources import STORED, source_digests
 from pipeline.workflow.jobs import step_names
 
@@ -49,14 +51,19 @@ class StudyFolder:
             return main(arguments(step, threads, **wildcards))
 
 
-def know_sources(folder: Path) -> None:
-    """Spare the programs that run in a new folder a second for the digests of all source files."""
+def fill_cache(folder: Path) -> None:
+    """Spare the programs that run in a new folder six seconds.
+
+    They would compute the digests of all source files and probe the OpenGL backend.
+    """
     (folder / STORED).parent.mkdir()
-    (folder / STORED).write_text(_known_sources())
+    (folder / STORED).write_text(_source_digests())
+    gl.choose_backend()
+    shutil.copytree(gl.CACHE, folder / gl.CACHE.relative_to(ROOT))
 
 
 @cache
-def _known_sources() -> str:
+def _source_digests() -> str:
     digests = {
         path: digest
         for step in step_names()

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Tries README's commands on a new Debian: tools/fresh_machine.sh SUITE [PART...]
-# SUITE: bookworm (Python 3.11) or trixie (3.13). PART: setup, run, test, repro (the smoke study by DVC) or core; all by default.
+# Tries README's commands on a new Debian or Ubuntu: tools/fresh_machine.sh SUITE [PART...]
+# SUITE: bookworm (Python 3.11), trixie (3.13) or Ubuntu's noble (3.12). PART: setup, run, test, repro (the smoke study by DVC) or core; all by default.
 # setup begins with a new clone of this checkout; the other parts go on in it.
-# Needs root, debootstrap, 12 GB below FRESH (default /var/tmp/blindspot-fresh) and the mirror MIRROR (default Debian's).
+# Needs root, debootstrap, 12 GB below FRESH (default /var/tmp/blindspot-fresh) and the mirror MIRROR (default the distribution's).
 # The new machine has Python, git and the certificates of this one, but none of its pip settings, packages or caches.
 # CUDA=1 and MUJOCO_GL are passed on. Prints a row of the table in docs/results/machines.md for each part.
 set -euo pipefail
 cd "$(dirname "$(readlink -f "$0")")/.."
-suite=${1:?a suite of Debian: bookworm or trixie}
+suite=${1:?a suite: bookworm, trixie or noble}
 shift
 parts=("$@")
 if [ ${#parts[@]} = 0 ]; then parts=(setup run test repro core); fi
@@ -19,8 +19,14 @@ logs=$root.logs
 mkdir -p "$logs"
 
 if [ ! -e "$root/usr/bin/git" ]; then
-  debootstrap --variant=minbase --include=python3,python3-venv,git,ca-certificates \
-    "$suite" "$root" "${MIRROR:-http://deb.debian.org/debian}" >"$logs/debootstrap.log"
+  mirror=http://deb.debian.org/debian options=()
+  if [ "$suite" = noble ]; then
+    mirror=http://archive.ubuntu.com/ubuntu options=(--components=main,universe)
+    # Debian does not have Ubuntu's key unless ubuntu-keyring is installed.
+    if [ ! -e /usr/share/keyrings/ubuntu-archive-keyring.gpg ]; then options+=(--no-check-gpg); fi
+  fi
+  debootstrap --variant=minbase --include=python3,python3-venv,git,ca-certificates "${options[@]}" \
+    "$suite" "$root" "${MIRROR:-$mirror}" >"$logs/debootstrap.log"
 fi
 cp /etc/resolv.conf /etc/hosts "$root/etc/"
 find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$root/usr/local/share/ca-certificates/" \; 2>/dev/null || true

@@ -58,7 +58,7 @@ def gate_reason(
         that are too small to judge are listed, because they show nothing.
     """
     p_value = 1.0 if version.paired is None else version.paired.p_value
-    margin = f"{100 * policy.margin:g} points"
+    margin = f"{100 * policy.margin * base.rate:.3g} points"
     if judged.more_errors:
         return f"held back: {version.errors} errors, {base.errors} with {base.version}"
     if not judged.fewer:
@@ -71,6 +71,9 @@ def gate_reason(
             f"held back: over all its seeds, {version.group} does not show fewer failures than "
             f"{base.version} ({interval}; p = {over_seeds.p_value:.2g})"
         )
+    if worse := judged.limits_that_are("significantly worse"):
+        parts = ", ".join(f"{_printed(limit)} (p = {limit.p_value:.2g})" for limit in worse)
+        return f"held back: significantly worse in {parts}"
     if above := judged.limits_that_are("above the margin"):
         return f"held back: {_rises(above)}, more than the margin of {margin}"
     reason = f"passes: significantly fewer failures than {base.version} (p = {p_value:.2g})"
@@ -80,11 +83,13 @@ def gate_reason(
         rise = "rises" if len(within) == 1 else "rise"
         where = "in each judged scenario and group"
         reason += f"; {rates} {rise} by at most {margin} {where} ({level})"
-    small = []
-    for limit in judged.limits_that_are("too small to judge"):
-        measure = "" if limit.measure == "failures" else f"{limit.measure} in "
-        small.append(f"{measure}{limit.name}")
+    small = [_printed(limit) for limit in judged.limits_that_are("too small to judge")]
     return f"{reason}; too small to judge: {', '.join(small)}" if small else reason
+
+
+def _printed(limit: RiseLimit) -> str:
+    """`children`, or `false activations in children`."""
+    return limit.name if limit.measure == "failures" else f"{limit.measure} in {limit.name}"
 
 
 def _rises(limits: Sequence[RiseLimit]) -> str:

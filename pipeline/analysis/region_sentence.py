@@ -56,7 +56,11 @@ def subject(conditions: Sequence[RuleCondition]) -> str:
     for condition in conditions:
         part, text = _part(condition.text)
         parts[part].append(text)
-    noun = parts[Part.NOUN] or ["children" if _only_children(conditions) else "people"]
+    # The conditions may list people, such as `blueprint = M 34`, and all of them may be children.
+    listed = [set(c.values) for c in conditions if c.variable == people.VARIABLE]
+    admitted = set.intersection(*listed) if listed else set()
+    children = bool(listed) and all(people.person(name).child for name in admitted)
+    noun = parts[Part.NOUN] or ["children" if children else "people"]
     words = [*parts[Part.POSE], *noun]
     for part in (Part.NAMES, Part.HEIGHT, Part.LOOKS):
         words += parts[part]
@@ -82,12 +86,6 @@ def _part(condition: str) -> tuple[Part, str]:
     if about == "height":
         return Part.HEIGHT, f"{words.removeprefix('of ').removeprefix('from ')} tall"
     return Part.OTHER, f"{about} {words}"
-
-
-def _only_children(conditions: Sequence[RuleCondition]) -> bool:
-    """Whether the conditions list people and all of them are children: `blueprint = M 34`."""
-    listed = [set(c.values) for c in conditions if c.variable == people.VARIABLE]
-    return bool(listed) and all(people.person(name).child for name in set.intersection(*listed))
 
 
 def plain(condition: str) -> str:

@@ -7,7 +7,7 @@ detections has been edited, or was executed by other code.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 
 import numpy as np
@@ -98,12 +98,8 @@ def _truths(signals: pd.DataFrame) -> Iterator[Truth]:
     visible = signals[[f"visible_{side}" for side in SIDES]].to_numpy(float).tolist()
     whole = signals[[f"whole_{side}" for side in SIDES]].to_numpy(float).tolist()
     seen = signals[["visible_pixels", "contrast"]].itertuples(index=False)
-    for (pixels, contrast), *boxes in zip(seen, visible, whole, strict=True):
-        visible_box, whole_box = (_box(sides) for sides in boxes)
-        yield Truth(visible_box, whole_box, visible_pixels=pixels, contrast=contrast)
-
-
-def _box(sides: Sequence[float]) -> Box | None:
-    """The box with these sides; None where they are NaN."""
-    left, top, right, bottom = sides
-    return None if np.isnan(left) else (left, top, right, bottom)
+    for (pixels, contrast), *corners in zip(seen, visible, whole, strict=True):
+        boxes: list[Box | None] = []
+        for left, top, right, bottom in corners:  # Not a number where there is no box.
+            boxes.append(None if np.isnan(left) else (left, top, right, bottom))
+        yield Truth(boxes[0], boxes[1], visible_pixels=pixels, contrast=contrast)

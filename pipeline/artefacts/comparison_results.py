@@ -68,9 +68,10 @@ class LimitResult(Result):
     Attributes:
         name: printed name of the scenario, or name of the group.
         measure: false activations are the failures of tests that ask not to brake.
+        p_value: of the exact McNemar test, not corrected for the number of parts.
         limit: one-sided upper confidence limit of the rise (Tango 1998), as a share of tests.
-        judgement: against the comparison's margin; a part that is too small to judge does not hold
-            the version back. See `pipeline.core.gate`.
+        judgement: of the rise, with the corrected p-value and the comparison's margin; a part that
+            is too small to judge does not hold the version back. See `pipeline.core.gate`.
     """
 
     name: str
@@ -78,6 +79,7 @@ class LimitResult(Result):
     tests: int
     fixes: int
     regressions: int
+    p_value: float
     limit: float
     judgement: Judgement
 

@@ -144,9 +144,9 @@ class HeldOutSequence(Section):
     confidence: Share
     """Confidence level of all intervals and limits."""
     margin: Share
-    """Largest rise of the failure rate above the base's, as a share of tests, that a champion may
-    have in a held-out scenario or a named group, such as children or night. The rise's upper
-    confidence limit must not exceed it."""
+    """Largest rise of the failure rate that a champion may have in a held-out scenario or a named
+    group, such as children or night: a share of the base's failure rate on the whole sequence. The
+    rise's upper confidence limit must not exceed it."""
     second_iou: float | None = Field(ge=0.1, lt=1)
     """Another IoU at which held-out tests are judged again, to show whether a verdict depends on
     `campaign.match_iou`; null: none."""

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.core.counted import Counted
 from pipeline.core.rules import Bools, Condition, Rule
 from pipeline.core.space import Floats, Space, Variable
+from pipeline.core.statistics import holm
 
 CHUNK, MAX_DRAWS = 1000, 1000
 MARGIN = 0.1
@@ -144,10 +145,4 @@ def confirmed(counts: Sequence[tuple[Counted, Counted]], alpha: float) -> list[b
         counts: outcomes inside and outside of each rule.
         alpha: largest chance that any rule without meaning is confirmed (Holm 1979).
     """
-    chances = [more_inside(inside, outside) for inside, outside in counts]
-    result, order = [False] * len(chances), np.argsort(chances, kind="stable")
-    for rank, index in enumerate(order):
-        if chances[index] > alpha / (len(chances) - rank):
-            break
-        result[index] = True
-    return result
+    return holm([more_inside(inside, outside) for inside, outside in counts], alpha)

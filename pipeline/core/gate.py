@@ -9,11 +9,13 @@ from typing import Literal
 import numpy as np
 
 from pipeline.core.comparison import Bools, SequenceOutcomes, pair
-from pipeline.core.statistics import paired_rise_limit
+from pipeline.core.statistics import holm, mcnemar_p_value, paired_rise_limit
 
 Measure = Literal["failures", "false activations"]
 """False activations are the failures of tests that ask not to brake."""
-Judgement = Literal["within the margin", "above the margin", "too small to judge"]
+Judgement = Literal[
+    "within the margin", "above the margin", "significantly worse", "too small to judge"
+]
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Policy:
 
     alpha: significance level of each paired test. confidence: of every interval and limit.
     margin: highest rise of a failure rate over the base's that the gate tolerates, as a share of
-    tests.
+    the base's failure rate on the whole sequence.
     """
 
     alpha: float
@@ -47,9 +49,11 @@ class RiseLimit:
     """How far a version's failure rate may be above the base's on a part of the tests.
 
     tests: valid for both versions. fixes: number of tests that only the base fails.
-    regressions: number of tests that only the version fails. limit: one-sided upper confidence
-    limit of the rise, in [-1, 1]. It treats the tests as a sample of tests like these; the
-    sequence is a designed list, so its confidence is nominal. judgement: see `judge_limit`.
+    regressions: number of tests that only the version fails. p_value: of the exact McNemar test,
+    two-sided, not corrected. limit: one-sided upper confidence limit of the rise, in [-1, 1]. It
+    treats the tests as a sample of tests like these; the sequence is a designed list, so its
+    confidence is nominal. judgement: `significantly worse` if the version has more failures and
+    the p-value is significant, corrected for the number of parts; otherwise see `judge_limit`.
     """
 
     name: str
@@ -57,6 +61,7 @@ class RiseLimit:
     tests: int
     fixes: int
     regressions: int
+    p_value: float
     limit: float
     judgement: Judgement
 
@@ -80,45 +85,64 @@ class Gate:
 
     @property
     def passes(self) -> bool:
-        """No more errors, fewer failures, also over the seeds, and no limit above the margin.
+        """No more errors, fewer failures, also over the seeds, and no part in which it is worse.
 
-        A part that is too small to judge does not hold the version back. The limits need no
-        correction for their number: the version must keep all of them, so a version that truly
-        exceeds the margin in a judged part passes with a probability of about 1 - confidence.
+        In no part may it be significantly worse or may its limit be above the margin. A part that
+        is too small to judge does not hold the version back. The limits need no correction for
+        their number: the version must keep all of them, so a version that truly exceeds the margin
+        in a judged part passes with a probability of about 1 - confidence.
         """
         return (
             not self.more_errors
             and self.fewer
             and self.fewer_over_seeds
+            and not self.limits_that_are("significantly worse")
             and not self.limits_that_are("above the margin")
         )
 
 
-def judge_limit(limit: float, tests: int, policy: Policy) -> Judgement:
-    """Compare an upper limit with the margin.
+def judge_limit(limit: float, tests: int, allowed: float, confidence: float) -> Judgement:
+    """Compare an upper limit with the rise that is allowed.
 
     A part is too small to judge if not even two versions with equal results on all its tests could
-    meet the margin. With 95 % confidence and a margin of 10 %, these are parts of fewer than 25
-    tests.
+    keep to that rise. With 95 % confidence and an allowed rise of 10 points, these are parts of
+    fewer than 25 tests.
 
-    >>> judge_limit(0.12, 200, Policy(alpha=0.05, confidence=0.95, margin=0.1))
+    >>> judge_limit(0.12, tests=200, allowed=0.1, confidence=0.95)
     'above the margin'
     """
-    if paired_rise_limit(0, 0, tests, policy.confidence) > policy.margin:
+    if paired_rise_limit(0, 0, tests, confidence) > allowed:
         return "too small to judge"
-    return "above the margin" if limit > policy.margin else "within the margin"
+    return "above the margin" if limit > allowed else "within the margin"
 
 
-def limit_rise(
-    base: SequenceOutcomes, version: SequenceOutcomes, part: Part, policy: Policy
-) -> RiseLimit:
-    """The upper limit of the rise on a part of the tests."""
-    difference = pair(base.at(part.rows), version.at(part.rows))
-    fixes, regressions = int(difference.fixed.sum()), int(difference.regressed.sum())
-    tests = difference.tests
-    limit = paired_rise_limit(regressions, fixes, tests, policy.confidence)
-    judgement = judge_limit(limit, tests, policy)
-    return RiseLimit(part.name, part.measure, tests, fixes, regressions, limit, judgement)
+def limit_rises(
+    base: SequenceOutcomes, version: SequenceOutcomes, parts: Sequence[Part], policy: Policy
+) -> tuple[RiseLimit, ...]:
+    """Judge the rise of the failure rate on each part of the tests.
+
+    The significance tests of all parts and of the whole sequence are corrected together (Holm
+    1979), so that a version without a change is held back by chance with at most `policy.alpha`.
+    """
+    allowed = policy.margin * base.rate
+    whole = Part("the whole sequence", "failures", np.ones(len(base.valid), bool))
+    counts, p_values = [], []
+    for part in (whole, *parts):
+        difference = pair(base.at(part.rows), version.at(part.rows))
+        fixes, regressions = int(difference.fixed.sum()), int(difference.regressed.sum())
+        counts.append((difference.tests, fixes, regressions))
+        p_values.append(mcnemar_p_value(fixes, regressions))
+    differs = holm(p_values, policy.alpha)
+    limits = []
+    for number, part in enumerate(parts, 1):
+        tests, fixes, regressions = counts[number]
+        limit = paired_rise_limit(regressions, fixes, tests, policy.confidence)
+        judgement = judge_limit(limit, tests, allowed, policy.confidence)
+        if differs[number] and regressions > fixes:
+            judgement = "significantly worse"
+        counted = (tests, fixes, regressions, p_values[number])
+        limits.append(RiseLimit(part.name, part.measure, *counted, limit, judgement))
+    return tuple(limits)
 
 
 def gate(
@@ -133,7 +157,7 @@ def gate(
         more_errors=version.errors > base.errors,
         fewer=pair(base, version).verdict(policy.alpha) == "better",
         fewer_over_seeds=fewer_over_seeds,
-        limits=tuple(limit_rise(base, version, part, policy) for part in parts),
+        limits=limit_rises(base, version, parts, policy),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -216,6 +217,24 @@ def mcnemar_p_value(fixes: int, regressions: int) -> float:
     """
     discordant = fixes + regressions
     return float(_distributions().binomtest(fixes, discordant).pvalue) if discordant else 1.0
+
+
+def holm(p_values: Sequence[float], alpha: float) -> list[bool]:
+    """Which hypotheses are rejected, corrected for their number (Holm 1979).
+
+    Args:
+        p_values: of each hypothesis, in [0, 1].
+        alpha: largest chance that any true hypothesis is rejected.
+
+    >>> holm([0.04, 0.01, 0.03], alpha=0.05)
+    [False, True, False]
+    """
+    rejected, order = [False] * len(p_values), np.argsort(p_values, kind="stable")
+    for rank, index in enumerate(order):
+        if p_values[index] > alpha / (len(p_values) - rank):
+            break
+        rejected[index] = True
+    return rejected
 
 
 def paired_rise_limit(regressions: int, fixes: int, tests: int, confidence: float) -> float:

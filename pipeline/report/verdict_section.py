@@ -206,13 +206,16 @@ def _limits(comparison: Comparison) -> list[Passage]:
                 text = "too small"
             elif limit.judgement == "above the margin":
                 text += " (above)"
+            elif limit.judgement == "significantly worse":
+                text += " (worse)"
             row.append(text)
         rows.append(tuple(row))
     headers = ("scenario or group", "tests", *(result.version for result in judged))
     text = texts.LIMITS.format(
         base=comparison.versions[0].version,
         confidence=100 * comparison.confidence,
-        margin=100 * comparison.margin,
+        margin=comparison.margin,
+        allowed=100 * comparison.margin * comparison.versions[0].rate,
     )
     table = Table(headers, tuple(rows), numbers=tuple(range(2, len(judged) + 2)))
     title = "The gate: how far the failure rate may rise, by scenario and group"

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.analysis.comparison import base_regions, changed_tests, compare
+from pipeline.analysis.comparison import base_regions, changed_tests
 from pipeline.analysis.held_out import HeldOut, read_held_out
 from pipeline.artefacts.comparison_results import Comparison, read_changes, write_changes
 from pipeline.artefacts.failure_counts import Causes
@@ -24,7 +24,6 @@ from pipeline.report.failure_tables import braking_held_out
 from pipeline.report.verdict import verdict_table
 from pipeline.report.verdict_section import headline
 from tests.analysis.comparisons import (
-    POLICY,
     compared,
     compared_on,
     held_out,
@@ -158,7 +157,49 @@ def test_a_version_that_may_be_worse_somewhere_is_held_back() -> None:
         ("F1*", 60, 30, 0, "within the margin"),
         ("F2*", 60, 0, 3, "above the margin"),
     ]
-    assert result.versions[0].limits == () and result.margin == 0.1
+    assert result.versions[0].limits == () and result.margin == 0.4, "base fails a quarter"
+
+
+@pytest.mark.parametrize(("tests", "regressions"), [(200, 12), (962, 70)])
+def test_a_version_that_only_regresses_somewhere_is_held_back(tests: int, regressions: int) -> None:
+    """Both limits are below 10 points, and the version is better on the whole sequence."""
+    somewhere = {
+        "base": "." * tests,
+        "adaptive": "c" * regressions + "." * (tests - regressions),
+    }
+    better = {"base": "c" * tests + "." * tests, "adaptive": "." * 2 * tests}
+    result = compared_on(scenarios(F1star=better, F2star=somewhere))
+    limit = result.versions[1].limits[1]
+    assert (limit.name, limit.tests, limit.fixes, limit.regressions) == (
+        "F2*",
+        tests,
+        0,
+        regressions,
+    )
+    # Exact: twice the chance that all regressions fall on one side.
+    assert limit.limit < 0.1 and limit.p_value == pytest.approx(2 * 0.5**regressions)
+    assert limit.judgement == "significantly worse" and result.champion == "base"
+    assert result.gate["adaptive"] == (
+        f"held back: significantly worse in F2* (p = {limit.p_value:.2g})"
+    )
+
+
+def test_significance_is_corrected_for_the_number_of_groups() -> None:
+    """Six regressions without a fix have p = 0.031: enough alone, but not with ten groups."""
+    sequence = scenarios(
+        F1star={"base": "c" * 300 + "." * 300, "adaptive": "." * 600},
+        F2star={"base": "." * 300, "adaptive": "c" * 6 + "." * 294},
+    )
+    alone = np.arange(900) >= 600
+    groups = {f"g{number}": alone for number in range(10)}
+    judgements = {limit.judgement for limit in compared_on(sequence, **groups).versions[1].limits}
+    assert judgements == {"within the margin"}
+    seven = scenarios(
+        F1star={"base": "c" * 300 + "." * 300, "adaptive": "." * 600},
+        F2star={"base": "." * 300, "adaptive": "c" * 9 + "." * 291},
+    )
+    limit = compared_on(seven, **groups).versions[1].limits[1]
+    assert limit.judgement == "significantly worse" and limit.p_value == pytest.approx(2 / 512)
 
 
 def test_a_rise_within_the_margin_passes() -> None:
@@ -180,9 +221,8 @@ def test_a_named_group_that_may_be_worse_holds_a_version_back() -> None:
         F1star={"base": "." * 15 + "c" * 45, "adaptive": "cc" + "." * 58}, F2star=few
     )
     night = np.tile(np.arange(60) < 15, 2)
-    wide = replace(POLICY, margin=0.15)
-    assert compare(sequence, {}, "digest", [], wide).passes("adaptive")
-    result = compare(sequence, {"night": night, "day": ~night}, "digest", [], wide)
+    assert compared_on(sequence, 0.15).passes("adaptive")
+    result = compared_on(sequence, 0.15, night=night, day=~night)
     assert result.gate["adaptive"] == (
         "held back: the failure rate may rise by up to 30.5 points (night), more than the "
         "margin of 15 points"

@@ -265,6 +265,7 @@ def limit(
         tests=tests,
         fixes=0,
         regressions=0,
+        p_value=1.0,
         limit=value,
         judgement=judgement,
     )
@@ -297,7 +298,7 @@ def test_the_limits_of_the_gate_are_a_folded_table() -> None:
         ),
         numbers=(2, 3),
     )
-    assert "95 %" in part.text and "margin of 10 percentage points" in part.text
+    assert "95 %" in part.text and " points (0.5 of the failure rate of base)" in part.text
     assert not any(
         part.folded
         for part in verdict_section(comparison(seeds=1), pd.DataFrame(), [], None, [], []).parts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from pipeline.core import kpi
+from pipeline.core.encounter import RoadUsers
 from pipeline.core.loop import run_test
 from pipeline.core.space import Value
 from pipeline.core.visibility import MIN_VISIBLE_PIXELS
@@ -87,18 +89,20 @@ def test_the_python_type_of_a_number_changes_nothing() -> None:
     )
 
 
+def positions(world: MujocoWorld, concrete: Mapping[str, Value], seconds: float) -> list[RoadUsers]:
+    """The road users after each time step without braking; nothing is rendered."""
+    world.reset(concrete, seed=0)
+    return [world.advance(world.step_s, 0.0) for _ in range(round(seconds / world.step_s))]
+
+
 def test_the_ego_follows_its_path(rendered: Any) -> None:
     world, space, scenario = rendered
     concrete = space.decode(space.sample(1, np.random.default_rng(5))[0])
-    signals = run_test(world, BlindDetector(), CAR, concrete).signals
     route = scenario.ego.route()
-    for x, y, heading in zip(
-        signals["ego_x_m"], signals["ego_y_m"], signals["ego_heading_deg"], strict=True
-    ):
-        s, aside = route.project(x, y)
-        assert abs(aside) < 1e-6 and np.degrees(route.at(s).heading) == pytest.approx(
-            heading, abs=1e-6
-        )
+    for users in positions(world, concrete, 5.0):
+        s, aside = route.project(users.ego.x, users.ego.y)
+        assert abs(aside) < 1e-6
+        assert route.at(s).heading == pytest.approx(users.ego.heading, abs=1e-8)
 
 
 def test_speed_and_shift_move_the_pedestrian_by_their_values(rendered: Any) -> None:
@@ -108,16 +112,14 @@ def test_speed_and_shift_move_the_pedestrian_by_their_values(rendered: Any) -> N
 
     def along(**changes: float) -> Any:
         """Position of the pedestrian along its path in the first second, metres."""
-        signals = run_test(world, BlindDetector(), CAR, {**concrete, **changes}).signals
-        dx, dy = (
-            signals["pedestrian_x_m"][:11] - scenario.pedestrian.at[0],
-            signals["pedestrian_y_m"][:11] - scenario.pedestrian.at[1],
-        )
+        poses: Any = [users.pedestrian for users in positions(world, {**concrete, **changes}, 1.0)]
+        dx = np.array([pose.x for pose in poses]) - scenario.pedestrian.at[0]
+        dy = np.array([pose.y for pose in poses]) - scenario.pedestrian.at[1]
         return np.cos(heading) * dx + np.sin(heading) * dy
 
     for speed in (0.0, 0.8, 2.6):
         place = along(pedestrian_speed=speed, pedestrian_shift=0.0)
-        assert place[-1] - place[0] == pytest.approx(speed, abs=1e-6)
+        assert place[-1] - place[0] == pytest.approx(speed * (1.0 - world.step_s), abs=1e-6)
     shifted = [along(pedestrian_speed=1.0, pedestrian_shift=shift) for shift in (-0.5, 0.0, 0.5)]
     assert (
         np.allclose(np.abs(np.diff(shifted, axis=0)), 0.5)

@@ -13,12 +13,13 @@ from pipeline.core.gate import (
     champion,
     gate,
     judge_limit,
-    limit_rise,
+    limit_rises,
 )
 from pipeline.core.statistics import wilson_interval
 from tests.core.outcomes import outcomes
 
-POLICY = Policy(alpha=0.05, confidence=0.95, margin=0.1)
+POLICY = Policy(alpha=0.05, confidence=0.95, margin=0.2)
+"""Allows a rise by a tenth over `BASE`, which fails half the tests."""
 ALL = Part("all", "failures", np.ones(60, bool))
 BASE = outcomes("c" * 30 + "." * 30)
 
@@ -86,13 +87,12 @@ def test_a_part_that_is_too_small_holds_nothing_back() -> None:
 def test_a_limit_is_judged_where_equal_results_could_meet_the_margin(
     tests: int, limit: float, judgement: Judgement
 ) -> None:
-    assert judge_limit(limit, tests, POLICY) == judgement
+    assert judge_limit(limit, tests, 0.1, 0.95) == judgement
 
 
 def test_a_limit_counts_the_tests_that_are_valid_for_both() -> None:
-    judgement = limit_rise(
-        outcomes("cc.e."), outcomes(".ecc."), Part("all", "failures", np.ones(5, bool)), POLICY
-    )
+    part = Part("all", "failures", np.ones(5, bool))
+    (judgement,) = limit_rises(outcomes("cc.e."), outcomes(".ecc."), [part], POLICY)
     assert (judgement.tests, judgement.fixes, judgement.regressions) == (3, 1, 1)
 
 
@@ -120,9 +120,8 @@ def test_an_error_of_a_version_that_is_held_back_counts_for_no_champion() -> Non
 
 
 def test_a_limit_has_the_confidence_of_the_policy_and_not_that_of_its_tests() -> None:
-    judgement = limit_rise(
-        BASE, outcomes("c" * 31 + "." * 29), ALL, Policy(alpha=0.05, confidence=0.8, margin=0.1)
-    )
+    policy = Policy(alpha=0.05, confidence=0.8, margin=0.2)
+    (judgement,) = limit_rises(BASE, outcomes("c" * 31 + "." * 29), [ALL], policy)
     assert judgement.limit == pytest.approx(wilson_interval(1, 60, 0.6)[1]), (
         "one-sided 80 % are two-sided 60 %"
     )

@@ -28,7 +28,8 @@ from pipeline.workflow.jobs import Jobs, Target, flat, step_names
 from pipeline.workflow.plan import Plan
 from pipeline.workflow.staleness import Staleness
 from pipeline.workflow.stamping import Stamps
-from tests.studies import ROOT, know_sources
+from tests.snakemake_server import snakemake
+from tests.studies import ROOT, fill_cache
 
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
 CAMPAIGN = {
@@ -48,19 +49,8 @@ def copy(folder: Path, config: Config) -> Path:
         )
     shutil.copy(ROOT / "Snakefile", folder)
     (folder / "params.yaml").write_text(dump(config, "test"))
-    know_sources(folder)
+    fill_cache(folder)
     return folder
-
-
-def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(folder)}
-    return subprocess.run(
-        [sys.executable, "-m", "snakemake", *words],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
 
 
 def planned(folder: Path, *words: str) -> dict[str, int]:

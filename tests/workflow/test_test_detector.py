@@ -23,7 +23,7 @@ from pipeline.detectors.yolo.export import export_version
 from pipeline.errors import InputError
 from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
 from tests.onnx_models import export, yolov8
-from tests.studies import ROOT, know_sources
+from tests.studies import ROOT, fill_cache
 
 SMALL = [
     "campaign.tests=6",
@@ -46,7 +46,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the workflow's files, as a checkout has them."""
     for name in ("Snakefile", "profiles", "pipeline", "models"):
         (tmp_path / name).symlink_to(ROOT / name)
-    know_sources(tmp_path)
+    fill_cache(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     return tmp_path

@@ -1,0 +1,80 @@
+"""Runs Snakemake in forks of one process that has imported it: a run then starts in a tenth of the
+time.
+
+The server imports other people's packages alone: each fork imports `pipeline` from its own folder.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import IO, Any
+
+SERVER = """
+import json, os, sys, traceback
+import hydra, numba, numpy, omegaconf, pandas, pyarrow.parquet, pydantic, snakemake.cli
+import snakemake_executor_plugin_slurm
+
+for line in sys.stdin:
+    order = json.loads(line)
+    child = os.fork()
+    if not child:
+        code = 1
+        try:
+            for name, number in (("stdout", 1), ("stderr", 2)):
+                os.dup2(os.open(order[name], os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+            os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+            os.environ.clear()
+            os.environ.update(order["environment"])
+            os.chdir(order["folder"])
+            sys.path[0:1] = [order["folder"], *order["environment"]["PYTHONPATH"].split(":")]
+            sys.argv = ["snakemake", *order["words"]]
+            snakemake.cli.main()
+        except SystemExit as end:
+            code = end.code or 0
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+@cache
+def _server() -> subprocess.Popen[str]:
+    pipe: Any = subprocess.PIPE
+    server = subprocess.Popen([sys.executable, "-c", SERVER], stdin=pipe, stdout=pipe, text=True)
+    atexit.register(server.kill)
+    return server
+
+
+def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run Snakemake in a folder that has its own `pipeline`."""
+    server = _server()
+    outputs = {name: folder / f".cache/{name}" for name in ("stdout", "stderr")}
+    outputs["stdout"].parent.mkdir(exist_ok=True)
+    order = {
+        "folder": str(folder),
+        "words": words,
+        "environment": {**os.environ, "PYTHONPATH": str(folder)},
+        **{name: str(path) for name, path in outputs.items()},
+    }
+    requests, answers = _pipes(server)
+    requests.write(json.dumps(order) + "\n")
+    requests.flush()
+    code = int(answers.readline())
+    return subprocess.CompletedProcess(
+        ["snakemake", *words], code, outputs["stdout"].read_text(), outputs["stderr"].read_text()
+    )
+
+
+def _pipes(server: subprocess.Popen[str]) -> tuple[IO[str], IO[str]]:
+    assert server.stdin is not None and server.stdout is not None
+    return server.stdin, server.stdout
