@@ -19,14 +19,15 @@ logs=$root.logs
 mkdir -p "$logs"
 
 if [ ! -e "$root/usr/bin/git" ]; then
-  mirror=http://deb.debian.org/debian options=()
+  mirror=http://deb.debian.org/debian options=() script=()
   if [ "$suite" = noble ]; then
     mirror=http://archive.ubuntu.com/ubuntu options=(--components=main,universe)
+    script=(/usr/share/debootstrap/scripts/gutsy) # For all later releases, but Debian 12 does not list this one.
     # Debian does not have Ubuntu's key unless ubuntu-keyring is installed.
     if [ ! -e /usr/share/keyrings/ubuntu-archive-keyring.gpg ]; then options+=(--no-check-gpg); fi
   fi
   debootstrap --variant=minbase --include=python3,python3-venv,git,ca-certificates "${options[@]}" \
-    "$suite" "$root" "${MIRROR:-$mirror}" >"$logs/debootstrap.log"
+    "$suite" "$root" "${MIRROR:-$mirror}" "${script[@]}" >"$logs/debootstrap.log"
 fi
 cp /etc/resolv.conf /etc/hosts "$root/etc/"
 find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$root/usr/local/share/ca-certificates/" \; 2>/dev/null || true
