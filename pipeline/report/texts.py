@@ -59,10 +59,10 @@ PLANTED = _prose("""
 LIMITS = _prose("""
     How far a version's failure rate may be above that of {base}: one-sided upper {confidence:g} %
     limit of the rise (Tango's score method for pairs). It treats the tests as a sample of tests
-    like these. The gate holds a version back if a limit is above {allowed:.3g} points ({margin:g}
-    of the failure rate of {base}), or if it is significantly worse there (exact McNemar test,
-    corrected for all scenarios and groups by Holm's method). Too small: even without any
-    difference, so few tests could not show a rise within the margin. Such scenarios and groups hold
+    like these. The gate holds a version back above {allowed:.3g} points, {margin:g} of the failure
+    rate of {base}. It also does if the version is significantly worse there (exact McNemar test
+    with Holm's correction for all scenarios and groups). Too small: even without any difference, so
+    few tests could not show a rise within the margin. Such scenarios and groups hold
     no version back. Groups pool the scenarios and overlap.
 """)
 PAIRS = _prose("""

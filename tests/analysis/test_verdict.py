@@ -117,7 +117,7 @@ def comparison(*, errors: int = 0, against_random: bool = True, seeds: int = 2) 
         sequence_digest="digest",
         confidence=0.95,
         alpha=0.05,
-        margin=0.1,
+        margin=0.5,
         versions=(
             result("base", 20, "baseline"),
             result("control", 20, "no difference shown", paired("control", "base", 2, 2, 1.0)),
@@ -298,7 +298,7 @@ def test_the_limits_of_the_gate_are_a_folded_table() -> None:
         ),
         numbers=(2, 3),
     )
-    assert "95 %" in part.text and " points (0.5 of the failure rate of base)" in part.text
+    assert "95 %" in part.text and " points, 0.5 of the failure rate of base" in part.text
     assert not any(
         part.folded
         for part in verdict_section(comparison(seeds=1), pd.DataFrame(), [], None, [], []).parts
