@@ -101,7 +101,7 @@ class _Parser:
         self.next = next(self._tokens)
 
     def implication(self) -> Expression | Operand:
-        first = self._some()
+        first = self._joined("||", Some, lambda: self._joined("&&", Every, self._comparison))
         if not self._sign("=>"):
             return first
         return Some((Not(self.condition(first)), self.condition(self.implication())))
@@ -113,9 +113,6 @@ class _Parser:
         if part.kind is not bool:
             raise ValueError(f"expected a comparison before {self.next[1]}, got {KINDS[part.kind]}")
         return self._rows(part, Operand(bool, (), lambda: True), operator.eq)
-
-    def _some(self) -> Expression | Operand:
-        return self._joined("||", Some, lambda: self._joined("&&", Every, self._comparison))
 
     def _joined(
         self, sign: str, join: type[Some] | type[Every], part: Callable[[], Expression | Operand]

@@ -64,7 +64,20 @@ def acts_text_space(text: str, name: str) -> Space:
             elif section in REJECTED:
                 raise ValueError(f"{where}: {REJECTED[section]}")
             elif section == "parameter":
-                parameters.append(_parameter(where, line))
+                match = PARAMETER.fullmatch(line)
+                if match is None:
+                    raise ValueError(
+                        f"{where}: expected a parameter such as 'speed (int) : 1, 2, 3', got "
+                        f"{line!r}"
+                    )
+                if ";" in match["values"]:
+                    raise ValueError(
+                        f"{where}: {match['name']} has invalid values after the ';', which a space "
+                        "does not have"
+                    )
+                kind = (match["kind"] or "").strip().lower()
+                values = [value.strip() for value in match["values"].split(",")]
+                parameters.append((where, match["name"], kind, values))
             elif section == "constraint":
                 constraints.append((where, line))
             elif section != "system":
@@ -72,25 +85,6 @@ def acts_text_space(text: str, name: str) -> Space:
         return _space(parameters, constraints)
     except ValueError as error:
         raise InputError(f"{name}: {error}") from error
-
-
-def _parameter(where: str, line: str) -> Named:
-    match = PARAMETER.fullmatch(line)
-    if match is None:
-        raise ValueError(
-            f"{where}: expected a parameter such as 'speed (int) : 1, 2, 3', got {line!r}"
-        )
-    if ";" in match["values"]:
-        raise ValueError(
-            f"{where}: {match['name']} has invalid values after the ';', which a space does not "
-            "have"
-        )
-    return (
-        where,
-        match["name"],
-        (match["kind"] or "").strip().lower(),
-        [value.strip() for value in match["values"].split(",")],
-    )
 
 
 def acts_xml_space(text: str, name: str) -> Space:
@@ -102,10 +96,21 @@ def acts_xml_space(text: str, name: str) -> Space:
         for path, why in (("Relations/Relation", "relation"), ("Testset/*", "test set")):
             if any(part.get("Default") != "true" for part in root.findall(path)):
                 raise ValueError(f"System/{path}: {REJECTED[why]}")
-        parameters = [
-            _element(index, element)
-            for index, element in enumerate(root.findall("Parameters/Parameter"), 1)
-        ]
+        parameters = []
+        for index, element in enumerate(root.findall("Parameters/Parameter"), 1):
+            where, parameter = f"Parameter[{index}]", element.get("name") or ""
+            kind = element.get("type") or ""
+            if not parameter or (kind and kind not in KINDS):
+                raise ValueError(
+                    f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got "
+                    f"name {parameter!r} and type {kind!r}"
+                )
+            if element.findall("invalidValues/*"):
+                raise ValueError(
+                    f"{where}: {parameter} has invalid values, which a space does not have"
+                )
+            values = [(value.text or "").strip() for value in element.findall("values/value")]
+            parameters.append((where, parameter, KINDS.get(kind, ""), values))
         constraints = [
             (f"Constraint[{i}]", element.get("text") or "")
             for i, element in enumerate(root.findall("Constraints/Constraint"), 1)
@@ -115,24 +120,6 @@ def acts_xml_space(text: str, name: str) -> Space:
         raise InputError(f"{name}: not valid XML ({error})") from error
     except ValueError as error:
         raise InputError(f"{name}: {error}") from error
-
-
-def _element(index: int, element: ET.Element) -> Named:
-    name, kind = element.get("name") or "", element.get("type") or ""
-    where = f"Parameter[{index}]"
-    if not name or (kind and kind not in KINDS):
-        raise ValueError(
-            f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got name "
-            f"{name!r} and type {kind!r}"
-        )
-    if element.findall("invalidValues/*"):
-        raise ValueError(f"{where}: {name} has invalid values, which a space does not have")
-    return (
-        where,
-        name,
-        KINDS.get(kind, ""),
-        [(value.text or "").strip() for value in element.findall("values/value")],
-    )
 
 
 def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) -> Space:

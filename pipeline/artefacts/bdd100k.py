@@ -53,20 +53,15 @@ def _image(path: Path, where: str, frame: Any) -> tuple[str, dict[str, Any]]:
             )
         conditions[key] = None if value is None else str(value)
     conditions["objects"] = 0
-    for label in _labels(path, where, frame):
+    # An image's own file has the `objects` of its only frame, the others have `labels`.
+    labels: list[Any] = []
+    if isinstance(frame.get("frames"), list):
+        for inner in frame["frames"]:
+            labels += member(path, inner, "objects", list, f"{where}.frames")
+    elif frame.get("labels") is not None:
+        labels = member(path, frame, "labels", list, where)
+    for label in labels:
         if not isinstance(label, dict):
             raise InputError(f"{path}: {where}.labels: expected mappings, got {shown(label)}")
         conditions["objects"] += label.get("box2d") is not None
     return name, conditions
-
-
-def _labels(path: Path, where: str, frame: dict[str, Any]) -> list[Any]:
-    """The labels of a frame: `labels`, or `objects` of the only frame of an image's own file."""
-    if isinstance(frame.get("frames"), list):
-        labels = []
-        for inner in frame["frames"]:
-            labels += member(path, inner, "objects", list, f"{where}.frames")
-        return labels
-    if frame.get("labels") is None:
-        return []
-    return list(member(path, frame, "labels", list, where))

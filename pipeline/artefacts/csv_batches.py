@@ -95,9 +95,6 @@ class _EndedText:
             return b""
         else:
             text, self._ended = text + b"\n" + self.last_row.encode(), True
-        return self._without_spaces(text)
-
-    def _without_spaces(self, text: bytes) -> bytes:
         parts, place = [], 0
         if b' "' in text or b'\t"' in text:
             for spaces in SPACE_BEFORE_QUOTE.finditer(text):
@@ -143,18 +140,16 @@ def _batches(path: Path, columns: int, places: dict[str, int]) -> Iterator[Any]:
                 yield pa.table(batch.columns, list(places)).slice(first)
     except pa.ArrowInvalid as error:
         quote_open = any(row != text.last_row and row.endswith(text.last_row) for row in wrong)
-        raise InputError(f"{path}: {_explained(str(error), rows, quote_open)}") from None
+        match = ROW_ERROR.search(str(error))
+        if "straddling" in str(error):
+            limit = f"{BLOCK >> 20} MB; perhaps it opens a quote and never closes it"
+            why = f"row {rows + 1} is longer than {limit}"
+        elif match is None:
+            why = str(error).splitlines()[0]
+        elif quote_open:
+            why = f"row {int(match[1]) - 1} opens a quote and never closes it"
+        else:
+            why = f"row {int(match[1]) - 1}: {match[2]}"
+        raise InputError(f"{path}: {why}") from None
     if not wrong:
         raise InputError(f"{path}: row {rows} opens a quote and never closes it")
-
-
-def _explained(error: str, rows: int, quote_open: bool) -> str:
-    """Which row of a CSV is wrong, counted from 1, and why; rows: number of rows before it."""
-    if "straddling" in error:
-        limit = f"{BLOCK >> 20} MB; perhaps it opens a quote and never closes it"
-        return f"row {rows + 1} is longer than {limit}"
-    match = ROW_ERROR.search(error)
-    if match is None:
-        return error.splitlines()[0]
-    row = f"row {int(match[1]) - 1}"
-    return f"{row} opens a quote and never closes it" if quote_open else f"{row}: {match[2]}"

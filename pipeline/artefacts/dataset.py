@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.artefacts import stamps
-from pipeline.artefacts.files import flush_all, read_bytes, read_json, write_bytes, write_json
+from pipeline.artefacts.files import read_bytes, read_json, write_bytes, write_json
 from pipeline.core.boxes import Box
 from pipeline.core.space import Value
 from pipeline.core.truth import Truth
@@ -180,11 +181,13 @@ def write_image(
     """Write one image and its YOLO label, unflushed; the label is empty if no pedestrian shows."""
     height, width = image.shape[:2]
     write_bytes(image_path(root, split, index), encode_jpeg(image), flush=False)
-    write_bytes(
-        _label_path(root, split, index),
-        _label(truth.visible_box, width, height).encode(),
-        flush=False,
-    )
+    label = ""
+    if truth.visible_box is not None:
+        left, top, right, bottom = truth.visible_box
+        centre_x, centre_y = (left + right) / 2 / width, (top + bottom) / 2 / height
+        size_x, size_y = (right - left) / width, (bottom - top) / height
+        label = f"0 {centre_x:.6f} {centre_y:.6f} {size_x:.6f} {size_y:.6f}\n"
+    write_bytes(_label_path(root, split, index), label.encode(), flush=False)
 
 
 def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint8]) -> None:
@@ -228,7 +231,7 @@ def place_dataset(source: Path, root: Path) -> None:
                 path.hardlink_to(file)
             except OSError:  # A disk without second names.
                 write_bytes(path, file.read_bytes(), flush=False)
-    flush_all()
+    os.sync()  # For hundreds of small files, a hundred times as fast as one by one.
 
 
 def images_sha256(root: Path, records: Iterable[Record]) -> str:
@@ -249,11 +252,40 @@ def write_truth(root: Path, records: Iterable[Record], category: str = "pedestri
     whole_bbox.
     """
     ordered = sorted(records, key=lambda record: (record.split, record.index))
-    images = [_image(number, record) for number, record in enumerate(ordered, 1)]
+    images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for number, record in enumerate(ordered, 1):
-        if record.truth.visible_box:
-            annotations.append(_annotation(len(annotations) + 1, number, record))
+        truth = record.truth
+        hidden = truth.visible_box is None
+        images.append(
+            {
+                "id": number,
+                "file_name": f"{record.split}/{record.index:06d}.jpg",
+                "width": record.width,
+                "height": record.height,
+                "split": record.split,
+                "hidden_bbox": _corner_size(truth.whole_box) if hidden else None,
+                "hidden_pixels": truth.whole_pixels if hidden else 0,
+                "attributes": {**record.attributes, **record.tags},
+            }
+        )
+        if (bbox := _corner_size(truth.visible_box)) is None:
+            continue
+        annotation: dict[str, Any] = {
+            "id": len(annotations) + 1,
+            "image_id": number,
+            "category_id": CATEGORY_ID,
+            "bbox": bbox,
+            "area": bbox[2] * bbox[3],
+            "iscrowd": 0,
+            "visible_pixels": truth.visible_pixels,
+            "whole_pixels": truth.whole_pixels,
+            "contrast": truth.contrast,
+            "whole_bbox": _corner_size(truth.whole_box),
+        }
+        if record.tags:
+            annotation["attributes"] = dict(record.tags)
+        annotations.append(annotation)
     write_json(
         root / TRUTH_FILE,
         {
@@ -298,7 +330,21 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
     # Filled in place: a second copy might not fit into memory.
     pixels = np.empty((len(images), *shapes[0]), np.uint8)
     for place, image in zip(pixels, images, strict=True):
-        place[:] = _read_image(root / "images" / image["file_name"], place.shape, digest)
+        file = root / "images" / image["file_name"]
+        data = read_bytes(file)
+        try:
+            decoded = decode_jpeg(data)
+        except ValueError as error:
+            raise InputError(
+                f"{file}: expected a JPEG image, got {error}; ./run makes it again"
+            ) from error
+        if decoded.shape != place.shape:
+            height, width = decoded.shape[:2]
+            raise InputError(
+                f"{file} must be {place.shape[1]}x{place.shape[0]}, got {width}x{height}"
+            )
+        digest.update(data)
+        place[:] = decoded
     return _labelled(pixels, truths, digest.hexdigest())
 
 
@@ -333,15 +379,6 @@ def _label_path(root: Path, split: Split, index: int) -> Path:
     return root / "labels" / split / f"{index:06d}.txt"
 
 
-def _label(box: Box | None, width: int, height: int) -> str:
-    if box is None:
-        return ""
-    left, top, right, bottom = box
-    centre_x, centre_y = (left + right) / 2 / width, (top + bottom) / 2 / height
-    size_x, size_y = (right - left) / width, (bottom - top) / height
-    return f"0 {centre_x:.6f} {centre_y:.6f} {size_x:.6f} {size_y:.6f}\n"
-
-
 def _corner_size(box: Box | None) -> list[float] | None:
     if box is None:
         return None
@@ -351,39 +388,6 @@ def _corner_size(box: Box | None) -> list[float] | None:
 
 def _corners(bbox: Sequence[float] | None) -> Box | None:
     return None if bbox is None else (bbox[0], bbox[1], bbox[0] + bbox[2], bbox[1] + bbox[3])
-
-
-def _image(number: int, record: Record) -> dict[str, Any]:
-    hidden = record.truth.visible_box is None
-    return {
-        "id": number,
-        "file_name": f"{record.split}/{record.index:06d}.jpg",
-        "width": record.width,
-        "height": record.height,
-        "split": record.split,
-        "hidden_bbox": _corner_size(record.truth.whole_box) if hidden else None,
-        "hidden_pixels": record.truth.whole_pixels if hidden else 0,
-        "attributes": {**record.attributes, **record.tags},
-    }
-
-
-def _annotation(number: int, image: int, record: Record) -> dict[str, Any]:
-    truth = record.truth
-    bbox = _corner_size(truth.visible_box)
-    assert bbox is not None
-    return {
-        "id": number,
-        "image_id": image,
-        "category_id": CATEGORY_ID,
-        "bbox": bbox,
-        "area": bbox[2] * bbox[3],
-        "iscrowd": 0,
-        "visible_pixels": truth.visible_pixels,
-        "whole_pixels": truth.whole_pixels,
-        "contrast": truth.contrast,
-        "whole_bbox": _corner_size(truth.whole_box),
-        **({"attributes": dict(record.tags)} if record.tags else {}),
-    }
 
 
 def _truth(image: Mapping[str, Any], annotation: Mapping[str, Any] | None) -> Truth:
@@ -396,19 +400,3 @@ def _truth(image: Mapping[str, Any], annotation: Mapping[str, Any] | None) -> Tr
         whole_pixels=annotation["whole_pixels"],
         contrast=annotation["contrast"],
     )
-
-
-def _read_image(path: Path, shape: tuple[int, ...], digest: Any) -> NDArray[np.uint8]:
-    data = read_bytes(path)
-    try:
-        pixels = decode_jpeg(data)
-    except ValueError as error:
-        raise InputError(
-            f"{path}: expected a JPEG image, got {error}; ./run makes it again"
-        ) from error
-    if pixels.shape != shape:
-        raise InputError(
-            f"{path} must be {shape[1]}x{shape[0]}, got {pixels.shape[1]}x{pixels.shape[0]}"
-        )
-    digest.update(data)
-    return pixels

@@ -31,7 +31,7 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
         path: the file.
         data: its content.
         flush: whether the file is on the disk when this returns. A caller that writes many files
-            flushes them together, with `flush_all`.
+            flushes them together, with `os.sync`.
     """
     make_folder(path.parent)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -49,7 +49,15 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
     finally:
         temporary.unlink(missing_ok=True)
     if flush:
-        _flush_folder(path.parent)
+        # Put the names in the folder on the disk, where its file system can.
+        opened = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        except OSError as error:
+            if error.errno != errno.EINVAL:
+                raise
+        finally:
+            os.close(opened)
 
 
 def make_folder(folder: Path) -> None:
@@ -75,26 +83,6 @@ def remove_unfinished(paths: Iterable[Path]) -> None:
     for path in paths:
         for temporary in path.parent.glob(f".{escape(path.name)}.*.tmp"):
             temporary.unlink()
-
-
-def _flush_folder(folder: Path) -> None:
-    """Put the names in a folder on the disk, where its file system can."""
-    opened = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(opened)
-    except OSError as error:
-        if error.errno != errno.EINVAL:
-            raise
-    finally:
-        os.close(opened)
-
-
-def flush_all() -> None:
-    """Put all written files on the disk.
-
-    For hundreds of small files, this is a hundred times as fast as one by one.
-    """
-    os.sync()
 
 
 def write_json(path: Path, plain: Any) -> None:

@@ -9,8 +9,6 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import pandas as pd
-
 from pipeline.artefacts.dataset import Split
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
@@ -35,7 +33,15 @@ def tags_of_tests(frames: Path) -> dict[str, Tags]:
     if not path.is_file():
         return {}
     tests = read_tests(path)
-    regions = _regions(frames, tests)
+    # The region of each failure in one, from the study's folder that holds the campaign.
+    campaign = campaign_of(tests, frames)
+    regions: dict[str, str] = {}
+    for folder in frames.absolute().parents:
+        file = folder / "regions" / campaign.version / f"{campaign.scenario}.json"
+        if file.is_file():
+            for region in read(file, FailureRegions).regions:
+                regions |= dict.fromkeys(region.members, region.name)
+            break
     variables = tests.columns.difference([column.name for column in TESTS], sort=False)
     tags: dict[str, Tags] = {}
     for _, row in tests.iterrows():
@@ -48,20 +54,6 @@ def tags_of_tests(frames: Path) -> dict[str, Tags]:
             **{str(name): row[name] for name in variables},
         }
     return tags
-
-
-def _regions(frames: Path, tests: pd.DataFrame) -> dict[str, str]:
-    """The region of each failure in one, from the study's folder that holds the campaign."""
-    campaign = campaign_of(tests, frames)
-    for folder in frames.absolute().parents:
-        file = folder / "regions" / campaign.version / f"{campaign.scenario}.json"
-        if file.is_file():
-            return {
-                test: region.name
-                for region in read(file, FailureRegions).regions
-                for test in region.members
-            }
-    return {}
 
 
 def splits_of(tests: Sequence[str]) -> dict[str, Split]:

@@ -69,11 +69,16 @@ def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
         InputError: naming the file and the image.
     """
     images = _data_set(path, space)
-    columns = {
-        name: pa.chunked_array([_column(images.conditions[name])])
-        for name in space.names
-        if name in images.conditions
-    }
+    columns = {}
+    for name in space.names:
+        if name not in images.conditions:
+            continue
+        # Whole numbers as such, all else as texts.
+        values, kind = images.conditions[name], pa.int64()
+        if not all(isinstance(value, int) for value in values):
+            values = [None if value is None else str(value) for value in values]
+            kind = pa.string()
+        columns[name] = pa.chunked_array([pa.array(values, kind)])
     if metadata is None:
         if missing := [name for name in space.names if name not in images.conditions]:
             raise InputError(
@@ -115,13 +120,6 @@ def _data_set(path: Path, space: Space) -> DataSet:
     return _yolo(path)
 
 
-def _column(values: Sequence[Any]) -> Any:
-    """Whole numbers as such, all else as texts."""
-    if all(isinstance(value, int) for value in values):
-        return pa.array(values, pa.int64())
-    return pa.array([None if value is None else str(value) for value in values], pa.string())
-
-
 def _coco(path: Path, plain: Any) -> DataSet:
     """The images by file name, with the number of annotations of each."""
     names: dict[Any, str] = {}
@@ -155,7 +153,14 @@ def _yolo(path: Path) -> DataSet:
 
     An image without a label file has none.
     """
-    base, folders = _both_folders(path)
+    # In a folder inside `images`, the labels are in the same one inside `labels`.
+    base, folders, parts = path, [path], path.resolve().parts
+    for place in reversed(range(len(parts))):
+        if parts[place] in PAIR:
+            both = [Path(*parts[:place], name, *parts[place + 1 :]) for name in PAIR]
+            if all(map(Path.is_dir, both)):
+                base, folders = Path(*parts[:place]), both
+            break
     files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
     images = _apart(base, "images", [file for file in files if file.suffix.lower() in IMAGES])
     labels = _apart(
@@ -173,19 +178,6 @@ def _yolo(path: Path) -> DataSet:
     counts = dict.fromkeys(named, 0)
     counts |= {_bare(label.relative_to(base)): _objects(label) for label in labels}
     return DataSet(tuple(counts), {OBJECTS: list(counts.values())})
-
-
-def _both_folders(path: Path) -> tuple[Path, list[Path]]:
-    """The folder of a data set, and where its images and labels are.
-
-    If the folder is inside `images`, its labels are inside `labels`.
-    """
-    parts = path.resolve().parts
-    for place in reversed(range(len(parts))):
-        if parts[place] in PAIR:
-            both = [Path(*parts[:place], name, *parts[place + 1 :]) for name in PAIR]
-            return (Path(*parts[:place]), both) if all(map(Path.is_dir, both)) else (path, [path])
-    return path, [path]
 
 
 def _apart(base: Path, name: str, files: list[Path]) -> list[Path]:
@@ -257,7 +249,16 @@ def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> li
                 f"{metadata}: expected a row for every image of {path}, there is none for "
                 f"{image}{why}"
             )
-        _check_agreement(matched, image, table, metadata)
+        for name, column in table.columns.items():
+            if (
+                name != KEY
+                and len(matched) > 1
+                and len({column[row].as_py() for row in matched}) > 1
+            ):
+                raise InputError(
+                    f"{metadata}: rows {matched[0] + 1} and {matched[1] + 1} are both {image} and "
+                    f"differ in {name}"
+                )
         rows.append(matched)
     return rows
 
@@ -267,13 +268,3 @@ def _by(meaning: Callable[[str], str], keys: Sequence[str]) -> dict[str, list[in
     for row, key in enumerate(keys):
         rows.setdefault(meaning(key), []).append(row)
     return rows
-
-
-def _check_agreement(rows: list[int], image: str, table: Table, metadata: Path) -> None:
-    """InputError if the rows of an image differ in a condition."""
-    for name, column in table.columns.items():
-        if name != KEY and len(rows) > 1 and len({column[row].as_py() for row in rows}) > 1:
-            raise InputError(
-                f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in "
-                f"{name}"
-            )

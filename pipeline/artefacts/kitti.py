@@ -49,9 +49,26 @@ def kitti(folder: Path) -> DataSet:
 
 
 def _conditions(file: Path) -> dict[str, Any]:
-    lines = enumerate(file.read_text(errors="replace").splitlines(), 1)
-    every = [_object(file, number, line) for number, line in lines if line.strip()]
-    objects = [both for both in every if both is not None]
+    objects = []
+    for number, line in enumerate(file.read_text(errors="replace").splitlines(), 1):
+        fields = line.split()
+        if fields and len(fields) not in FIELDS:
+            raise InputError(
+                f"{file}: line {number}: expected {FIELDS[0]} fields, got {len(fields)}: "
+                f"{line[:80]!r}"
+            )
+        if not fields or fields[0] == "DontCare":  # An area without labels.
+            continue
+        try:
+            truncation = float(fields[1])
+        except ValueError:
+            truncation = -1.0
+        if not 0 <= truncation <= 1 or fields[2] not in (*OCCLUSIONS, UNKNOWN):
+            raise InputError(
+                f"{file}: line {number}: expected a truncation from 0 to 1 and an occlusion from 0 "
+                f"to 3, got {fields[1]} and {fields[2]}"
+            )
+        objects.append((truncation, fields[2]))
     if not objects:
         return {"objects": 0, "truncation": NOT_APPLICABLE, "occlusion": NOT_APPLICABLE}
     levels = {level for _, level in objects}
@@ -62,24 +79,3 @@ def _conditions(file: Path) -> dict[str, Any]:
         "truncation": repr(max(truncation for truncation, _ in objects)),
         "occlusion": largest,
     }
-
-
-def _object(file: Path, number: int, line: str) -> tuple[float, str] | None:
-    """Truncation and occlusion; None for DontCare, an area without labels."""
-    fields = line.split()
-    if len(fields) not in FIELDS:
-        raise InputError(
-            f"{file}: line {number}: expected {FIELDS[0]} fields, got {len(fields)}: {line[:80]!r}"
-        )
-    if fields[0] == "DontCare":
-        return None
-    try:
-        truncation = float(fields[1])
-    except ValueError:
-        truncation = -1.0
-    if not 0 <= truncation <= 1 or fields[2] not in (*OCCLUSIONS, UNKNOWN):
-        raise InputError(
-            f"{file}: line {number}: expected a truncation from 0 to 1 and an occlusion from 0 to "
-            f"3, got {fields[1]} and {fields[2]}"
-        )
-    return truncation, fields[2]

@@ -37,7 +37,20 @@ def nuscenes(folder: Path, variables: Sequence[Variable]) -> DataSet:
         InputError: naming the table and the row.
     """
     logs, scenes = (_by_token(folder / f"{name}.json") for name in ("log", "scene"))
-    of_scene = {token: _scene(folder, row, logs, variables) for token, row in scenes.items()}
+    path = folder / "scene.json"
+    of_scene: dict[str, dict[str, Any]] = {}
+    for token, row in scenes.items():
+        log = logs[_referred(path, row, "log_token", logs, "log.json")]
+        description = member(path, row, "description", str, f"scene {token}").lower()
+        conditions: dict[str, Any] = {}
+        for variable in variables:
+            if set(variable.values) == TRUTH:
+                word = re.escape(variable.name.lower().replace("_", " "))
+                conditions[variable.name] = str(bool(re.search(rf"\b{word}", description))).lower()
+        for key in FROM_LOG:
+            conditions[key] = member(folder / "log.json", log, key, str, f"log {log['token']}")
+        conditions["scene"] = member(path, row, "name", str, f"scene {token}")
+        of_scene[token] = conditions
     samples = folder / "sample.json"
     points: dict[str, dict[str, Any]] = {}
     for token, row in _by_token(samples).items():
@@ -49,23 +62,6 @@ def nuscenes(folder: Path, variables: Sequence[Variable]) -> DataSet:
         for token, conditions in points.items():
             conditions["objects"] = objects[token]
     return DataSet.of(samples, list(points.items()))
-
-
-def _scene(
-    folder: Path, row: Mapping[str, Any], logs: Mapping[str, Any], variables: Sequence[Variable]
-) -> dict[str, Any]:
-    path, where = folder / "scene.json", f"scene {row['token']}"
-    log = logs[_referred(path, row, "log_token", logs, "log.json")]
-    description = member(path, row, "description", str, where).lower()
-    conditions: dict[str, Any] = {}
-    for variable in variables:
-        if set(variable.values) == TRUTH:
-            word = re.escape(variable.name.lower().replace("_", " "))
-            conditions[variable.name] = str(bool(re.search(rf"\b{word}", description))).lower()
-    for key in FROM_LOG:
-        conditions[key] = member(folder / "log.json", log, key, str, f"log {log['token']}")
-    conditions["scene"] = member(path, row, "name", str, where)
-    return conditions
 
 
 def _table(path: Path) -> list[Any]:

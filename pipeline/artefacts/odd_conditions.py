@@ -28,7 +28,19 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
     if not isinstance(text, str):
         raise ValueError(f"expected an expression, got {shown(text)}")
     if not concept.is_number:
-        return _literals(concept, variable, text)
+        if text in variable.values:
+            return {variable.values.index(text)}
+        literal = text.lstrip("<>= ")
+        ordered = text[:1] in ("<", ">") and concept.ranges
+        if ordered and literal in concept.literals:
+            place, last = concept.literals.index(literal), len(concept.literals)
+            including = text[1:2] == "="
+            if text[:2].strip("= ") == "<":
+                return set(range(place + including))
+            return set(range(place + 1 - including, last))
+        raise ValueError(
+            f"{text!r} is not a literal of {variable.name}{nearest(text, variable.values)}"
+        )
     limits = bounds(text)
     if variable.kind == "categorical":
         inside = literals_within(counted, limits, concept.unit_type)
@@ -70,20 +82,3 @@ def ends_of(concept: Concept, limits: Bounds) -> list[float]:
         for end in (first(limits.low, limits.above), first(limits.high, not limits.below))
         if abs(end) < inf
     ]
-
-
-def _literals(concept: Concept, variable: Variable, text: str) -> set[int]:
-    if text in variable.values:
-        return {variable.values.index(text)}
-    sign = text[:2].strip("= ") if text[:1] in "<>" else ""
-    if sign and concept.ranges:
-        literal = text.lstrip("<>= ")
-        if literal in concept.literals:
-            place, last = concept.literals.index(literal), len(concept.literals)
-            including = 1 if text[1:2] == "=" else 0
-            if sign == "<":
-                return set(range(place + including))
-            return set(range(place + 1 - including, last))
-    raise ValueError(
-        f"{text!r} is not a literal of {variable.name}{nearest(text, variable.values)}"
-    )

@@ -43,8 +43,30 @@ class Modules:
             )
         self._labels: dict[str, list[str]] = {}
         for name, plain in self._all.items():
-            _check(name, plain)
-            for label in _labels(name, plain):
+            where = _where(name)
+            if not isinstance(plain, dict):
+                raise ValueError(
+                    f"{where}: expected INCLUDE_AND, INCLUDE_OR, EXCLUDE_AND or EXCLUDE_OR, got "
+                    f"{shown(plain)}"
+                )
+            for key in plain:
+                if key not in KEYS:
+                    raise ValueError(f"{where}: unknown key '{key}'{nearest(str(key), KEYS)}")
+            for kind in ("INCLUDE", "EXCLUDE"):
+                if f"{kind}_AND" in plain and f"{kind}_OR" in plain:
+                    raise ValueError(
+                        f"{where}: expected at most one {kind} section, got {kind}_AND and "
+                        f"{kind}_OR"
+                    )
+            if not any(key in plain for key in SECTIONS):
+                raise ValueError(f"{where}: expected at least one of {', '.join(SECTIONS)}")
+            given = plain.get("LABELS", plain.get("LABEL", []))
+            labels = [given] if isinstance(given, str) else given
+            if not isinstance(labels, list) or not all(isinstance(label, str) for label in labels):
+                raise ValueError(
+                    f"{where}.LABELS: expected a name or a list of names, got {shown(given)}"
+                )
+            for label in labels:
                 self._labels.setdefault(label, []).append(name)
         self._candidates = list(map(str, odd)) or list(self._all)
 
@@ -118,7 +140,17 @@ class Modules:
                     raise ValueError(f"{place}: expected the other operator inside {operator}")
                 parts.append(self._section(place, value, key, meaning, grows, within))
             elif key in self._all or key in self._labels:
-                parts.append(self._reference(place, key, value, meaning, grows, within))
+                # A module or any of the modules with a label, which must hold or must not.
+                holds = _flag(place, value)
+                several = [key] if key in self._all else self._labels[key]
+                referred = []
+                for name in several:
+                    module = self._module(name, meaning, grows is holds, within)
+                    if module is not None:
+                        referred.append(module)
+                if referred:
+                    either = Some(tuple(referred))
+                    parts.append(either if holds else Not(either))
             elif key != "METADATA":
                 parts.append(meaning(place, str(key), value, grows))
         active = tuple(part for part in parts if part is not None)
@@ -126,55 +158,9 @@ class Modules:
             return None
         return Every(active) if operator == "AND" else Some(active)
 
-    def _reference(
-        self,
-        where: str,
-        key: str,
-        value: Any,
-        meaning: Meaning,
-        grows: bool,
-        within: tuple[str, ...],
-    ) -> Expression | None:
-        """A module or any of the modules with a label, which must hold or must not."""
-        holds = _flag(where, value)
-        several = [key] if key in self._all else self._labels[key]
-        parts = [self._module(name, meaning, grows is holds, within) for name in several]
-        active = tuple(part for part in parts if part is not None)
-        if not active:
-            return None
-        return Some(active) if holds else Not(Some(active))
-
 
 def _where(name: str) -> str:
     return f"MODULES.{name}"
-
-
-def _check(name: str, plain: Any) -> None:
-    if not isinstance(plain, dict):
-        raise ValueError(
-            f"{_where(name)}: expected INCLUDE_AND, INCLUDE_OR, EXCLUDE_AND or EXCLUDE_OR, got "
-            f"{shown(plain)}"
-        )
-    for key in plain:
-        if key not in KEYS:
-            raise ValueError(f"{_where(name)}: unknown key '{key}'{nearest(str(key), KEYS)}")
-    for kind in ("INCLUDE", "EXCLUDE"):
-        if len([key for key in SECTIONS if key.startswith(kind) and key in plain]) > 1:
-            raise ValueError(
-                f"{_where(name)}: expected at most one {kind} section, got {kind}_AND and {kind}_OR"
-            )
-    if not any(key in plain for key in SECTIONS):
-        raise ValueError(f"{_where(name)}: expected at least one of {', '.join(SECTIONS)}")
-
-
-def _labels(name: str, plain: Mapping[str, Any]) -> list[str]:
-    given = plain.get("LABELS", plain.get("LABEL", []))
-    labels = [given] if isinstance(given, str) else given
-    if not isinstance(labels, list) or not all(isinstance(label, str) for label in labels):
-        raise ValueError(
-            f"{_where(name)}.LABELS: expected a name or a list of names, got {shown(given)}"
-        )
-    return labels
 
 
 def _keys(plain: Any) -> set[str]:

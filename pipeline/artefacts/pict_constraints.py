@@ -161,11 +161,9 @@ class _Parser:
             raise self._wrong("IN or LIKE" if negative else "one of =, <>, <, <=, >, >=, IN, LIKE")
         else:
             relation = RELATIONS[self._take().text]
-            term = (
-                self._pair(variable, relation)
-                if self.next.kind == "name"
-                else self._compared(variable, relation, self._value(variable))
-            )
+            if self.next.kind == "name":
+                return self._pair(variable, relation)
+            term = self._compared(variable, relation, self._value(variable))
         return Not(term) if negative else term
 
     def _pair(self, first: int, relation: Callable[[Any, Any], Any]) -> Expression:

@@ -43,38 +43,33 @@ def pict_space(text: str, name: str) -> Space:
     """The space of the text of a model; `name` of the file for errors."""
     lines = text.splitlines()
     try:
-        variables, start = _parameters(lines)
+        parameters: dict[str, Variable] = {}
+        start = len(lines)  # The first line of the constraints.
+        for index, line in enumerate(map(str.strip, lines)):
+            if not line or line.startswith("#"):
+                continue
+            if SUB_MODEL.match(line):
+                _reject(
+                    index,
+                    f"the sub-model {line} has a strength of its own; a space has one for all, "
+                    "given by --strength",
+                )
+            if CONSTRAINT.fullmatch(line):
+                start = index
+                break
+            variable = _parameter(index, line, parameters)
+            if variable.name.upper() in parameters:
+                _reject(index, f"the parameter {variable.name} appears twice")
+            parameters[variable.name.upper()] = variable
+        if not parameters:
+            raise ValueError("expected parameters such as 'Size: 1, 2, 3', got none")
+        variables = list(parameters.values())
         rest = [""] * start + [
             "" if line.lstrip().startswith("#") else line for line in lines[start:]
         ]
         return space_with(variables, read_constraints("\n".join(rest), variables))
     except ValueError as error:
         raise InputError(f"{name}: {error}") from error
-
-
-def _parameters(lines: list[str]) -> tuple[list[Variable], int]:
-    """The parameters, and the index of the first line of the constraints."""
-    parameters: dict[str, Variable] = {}
-    start = len(lines)
-    for index, line in enumerate(map(str.strip, lines)):
-        if not line or line.startswith("#"):
-            continue
-        if SUB_MODEL.match(line):
-            _reject(
-                index,
-                f"the sub-model {line} has a strength of its own; a space has one for all, given "
-                "by --strength",
-            )
-        if CONSTRAINT.fullmatch(line):
-            start = index
-            break
-        variable = _parameter(index, line, parameters)
-        if variable.name.upper() in parameters:
-            _reject(index, f"the parameter {variable.name} appears twice")
-        parameters[variable.name.upper()] = variable
-    if not parameters:
-        raise ValueError("expected parameters such as 'Size: 1, 2, 3', got none")
-    return list(parameters.values()), start
 
 
 def _parameter(index: int, line: str, parameters: dict[str, Variable]) -> Variable:
@@ -95,30 +90,27 @@ def _parameter(index: int, line: str, parameters: dict[str, Variable]) -> Variab
         reference = None
         if text[:1] == "<" and text[-1:] == ">":
             reference = parameters.get(text[1:-1].strip().upper())
-        weighted = [_value(index, text)] if reference is None else []
         if reference is not None:
             weighted = list(zip(reference.values, reference.weights, strict=True))
+        else:
+            # The first name of the value, and its weight.
+            weight = 1
+            if (match := WEIGHT.fullmatch(text)) and int(match["weight"]) > 0:
+                text, weight = match["value"].strip(), int(match["weight"])
+            if weight > HEAVIEST:
+                _reject(index, f"the weight of {text} must be at most {HEAVIEST}, got {weight}")
+            if text.startswith("~"):
+                _reject(
+                    index,
+                    f"{text} is a negative value, which a space does not have; remove it, or its ~ "
+                    "to count it as any other",
+                )
+            weighted = [(text.split("|")[0].strip(), weight)]
         for value, weight in weighted:
             if value in values:
                 _reject(index, f"the value {value!r} of {name} appears twice")
             values[value] = weight
     return Variable(name, "categorical", values=tuple(values), weights=tuple(values.values()))
-
-
-def _value(index: int, text: str) -> tuple[str, int]:
-    """Its first name, and its weight."""
-    weight = 1
-    if (match := WEIGHT.fullmatch(text)) and int(match["weight"]) > 0:
-        text, weight = match["value"].strip(), int(match["weight"])
-    if weight > HEAVIEST:
-        _reject(index, f"the weight of {text} must be at most {HEAVIEST}, got {weight}")
-    if text.startswith("~"):
-        _reject(
-            index,
-            f"{text} is a negative value, which a space does not have; remove it, or its ~ to "
-            "count it as any other",
-        )
-    return text.split("|")[0].strip(), weight
 
 
 def _reject(index: int, text: str) -> NoReturn:

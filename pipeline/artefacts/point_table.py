@@ -116,7 +116,14 @@ class PointTable:
                 fault = self._broken.get(clause)
                 if fault is None:
                     first = int(breaking[0])
-                    text = self._breaks(clause, rows[first])
+                    space, which = self._space, "constraints together"
+                    if clause < len(space.constraints.clauses):
+                        which = f"constraint '{space.clause(clause)}'"
+                    values = []
+                    for variable, category in zip(space.variables, rows[first], strict=True):
+                        if category >= 0:
+                            values.append(f"{variable.name} = {variable.labels[category]}")
+                    text = f"breaks the {which}: {', '.join(values)}"
                     fault = Fault(text, self.rows + first, 0, left_out=True)
                 self._broken[clause] = replace(fault, rows=fault.rows + len(breaking))
             self.rows += len(rows)
@@ -125,17 +132,6 @@ class PointTable:
             yield rows, keeps
         if not (self.rows or self._empty):
             raise InputError(f"{self.path}: expected points, got an empty table")
-
-    def _breaks(self, clause: int, row: Ints) -> str:
-        """What a row of categories breaks, and its values."""
-        space, which = self._space, "constraints together"
-        if clause < len(space.constraints.clauses):
-            which = f"constraint '{space.clause(clause)}'"
-        values = []
-        for variable, category in zip(space.variables, row, strict=True):
-            if category >= 0:
-                values.append(f"{variable.name} = {variable.labels[category]}")
-        return f"breaks the {which}: {', '.join(values)}"
 
 
 _row = attrgetter("row")

@@ -5,7 +5,7 @@ Each sequence becomes one row, with the categories that the rules of a space com
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -49,39 +49,32 @@ def sequences(
             yield batch
 
     categories = rows(space.frames, noted())
-    distinct, sequence = _numbered(path, space, pa.concat_arrays(names))
-    unordered = Frames(categories, np.concatenate(times), sequence, len(distinct))
-    points = space.points(_in_order(path, distinct, unordered))
+    # The names of all sequences, and the number of each frame's sequence.
+    named = pa.concat_arrays(names)
+    if named.null_count:
+        row = int(np.flatnonzero(named.is_null().to_numpy(zero_copy_only=False))[0])
+        raise InputError(
+            f"{path}: row {row + 1}: expected a sequence in column {space.sequence}, got nothing"
+        )
+    coded = named.dictionary_encode()
+    distinct = tuple(map(str, coded.dictionary.to_pylist()))
+    time_s, sequence = np.concatenate(times), coded.indices.to_numpy().astype(np.int64)
+    if len(wrong := np.flatnonzero(~np.isfinite(time_s))):
+        raise InputError(
+            f"{path}: row {int(wrong[0]) + 1}: expected a time, as a number of seconds or a "
+            "timestamp"
+        )
+    # The frames by sequence and time.
+    order = np.lexsort((time_s, sequence))
+    time_s, sequence = time_s[order], sequence[order]
+    if len(twice := np.flatnonzero((np.diff(time_s) == 0) & (np.diff(sequence) == 0))):
+        at = int(twice[0])
+        raise InputError(
+            f"{path}: two frames of {distinct[int(sequence[at])]} have the time {time_s[at]:.15g}"
+        )
+    points = space.points(Frames(categories[order], time_s, sequence, len(distinct)))
     columns = {}
     for variable, column in zip(space.variables, points.T, strict=True):
         places = pa.array(column, mask=column < 0)
         columns[variable.name] = pa.array(variable.labels, pa.string()).take(places)
     return pa.table(columns), distinct
-
-
-def _numbered(path: Path, space: SequenceSpace, names: Any) -> tuple[tuple[str, ...], Ints]:
-    """The names of all sequences and the number of each frame's sequence."""
-    if names.null_count:
-        row = int(np.flatnonzero(names.is_null().to_numpy(zero_copy_only=False))[0])
-        raise InputError(
-            f"{path}: row {row + 1}: expected a sequence in column {space.sequence}, got nothing"
-        )
-    coded = names.dictionary_encode()
-    return tuple(map(str, coded.dictionary.to_pylist())), coded.indices.to_numpy().astype(np.int64)
-
-
-def _in_order(path: Path, names: Sequence[str], frames: Frames) -> Frames:
-    if len(wrong := np.flatnonzero(~np.isfinite(frames.time_s))):
-        raise InputError(
-            f"{path}: row {int(wrong[0]) + 1}: expected a time, as a number of seconds or a "
-            "timestamp"
-        )
-    order = np.lexsort((frames.time_s, frames.sequence))
-    time_s, sequence = frames.time_s[order], frames.sequence[order]
-    twice = np.flatnonzero((np.diff(time_s) == 0) & (np.diff(sequence) == 0))
-    if len(twice):
-        at = int(twice[0])
-        raise InputError(
-            f"{path}: two frames of {names[int(sequence[at])]} have the time {time_s[at]:.15g}"
-        )
-    return Frames(frames.categories[order], time_s, sequence, frames.count)

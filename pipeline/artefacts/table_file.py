@@ -134,13 +134,14 @@ def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]
         pq.write_table(pa.Table.from_arrays(columns, list(header)), buffer)
         write_bytes(path, buffer.getvalue())
     else:
-        write_bytes(
-            path, "".join(",".join(map(_field, row)) + "\n" for row in (header, *rows)).encode()
-        )
-
-
-def _field(text: str) -> str:
-    return text if UNQUOTED.fullmatch(text) else '"' + text.replace('"', '""') + '"'
+        lines = []
+        for row in (header, *rows):
+            fields = []
+            for text in row:
+                quoted = '"' + text.replace('"', '""') + '"'
+                fields.append(text if UNQUOTED.fullmatch(text) else quoted)
+            lines.append(",".join(fields) + "\n")
+        write_bytes(path, "".join(lines).encode())
 
 
 def _open_parquet(path: Path, wanted: Sequence[str]) -> tuple[tuple[str, ...], Iterator[Any]]:

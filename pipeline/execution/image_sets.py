@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from pipeline.artefacts.dataset import (
     write_image,
     write_truth,
 )
-from pipeline.artefacts.files import flush_all, program_sha256, read_sealed, write_sealed
+from pipeline.artefacts.files import program_sha256, read_sealed, write_sealed
 from pipeline.config.sections import BaseSet
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
@@ -95,7 +96,7 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
         records.append(
             Record(split, index, settings.width, settings.height, scene.truth, scene.attributes)
         )
-    flush_all()
+    os.sync()
     shard_file = {
         "key": key,
         "sha256": images_sha256(out, records),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from pipeline.artefacts.dataset import (
     write_image,
     write_truth,
 )
-from pipeline.artefacts.files import flush_all, write_json
+from pipeline.artefacts.files import write_json
 from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
 from pipeline.config.schema import Config
@@ -132,6 +133,6 @@ def render_town(job: TownJob) -> list[Record]:
         raise InputError(
             f"simulator.camera: {error}; take more pixels or a narrower view"
         ) from error
-    flush_all()
+    os.sync()
     write_json(root / "segments" / "classes.json", dict(enumerate(CLASSES)))
     return records
