@@ -5,14 +5,13 @@ The server imports other people's packages alone: each fork imports `pipeline` f
 
 from __future__ import annotations
 
-import atexit
 import json
 import os
 import subprocess
 import sys
 from functools import cache
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 SERVER = """
 import json, os, sys, traceback
@@ -31,7 +30,7 @@ for line in sys.stdin:
             os.environ.clear()
             os.environ.update(order["environment"])
             os.chdir(order["folder"])
-            sys.path[0:1] = [order["folder"], *order["environment"]["PYTHONPATH"].split(":")]
+            sys.path[0] = order["folder"]
             sys.argv = ["snakemake", *order["words"]]
             snakemake.cli.main()
         except SystemExit as end:
@@ -48,10 +47,9 @@ for line in sys.stdin:
 
 @cache
 def _server() -> subprocess.Popen[str]:
+    # It ends with this process, which holds the other end of its input.
     pipe: Any = subprocess.PIPE
-    server = subprocess.Popen([sys.executable, "-c", SERVER], stdin=pipe, stdout=pipe, text=True)
-    atexit.register(server.kill)
-    return server
+    return subprocess.Popen([sys.executable, "-c", SERVER], stdin=pipe, stdout=pipe, text=True)
 
 
 def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -65,15 +63,10 @@ def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
         "environment": {**os.environ, "PYTHONPATH": str(folder)},
         **{name: str(path) for name, path in outputs.items()},
     }
-    requests, answers = _pipes(server)
-    requests.write(json.dumps(order) + "\n")
-    requests.flush()
-    code = int(answers.readline())
+    assert server.stdin is not None and server.stdout is not None
+    server.stdin.write(json.dumps(order) + "\n")
+    server.stdin.flush()
+    code = int(server.stdout.readline())
     return subprocess.CompletedProcess(
         ["snakemake", *words], code, outputs["stdout"].read_text(), outputs["stderr"].read_text()
     )
-
-
-def _pipes(server: subprocess.Popen[str]) -> tuple[IO[str], IO[str]]:
-    assert server.stdin is not None and server.stdout is not None
-    return server.stdin, server.stdout

@@ -35,7 +35,7 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
         if ordered and literal in concept.literals:
             place, last = concept.literals.index(literal), len(concept.literals)
             including = text[1:2] == "="
-            if text[:2].strip("= ") == "<":
+            if text[0] == "<":
                 return set(range(place + including))
             return set(range(place + 1 - including, last))
         raise ValueError(

@@ -140,7 +140,7 @@ class HeldOutSequence(Section):
     seed: Seed
     """Seed of the sequences; each held-out scenario has its own sequence."""
     alpha: Share
-    """Significance level of each paired test, without correction for multiple testing."""
+    """Significance level of each paired test; only the gate corrects for multiple testing."""
     confidence: Share
     """Confidence level of all intervals and limits."""
     margin: Share

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.core.comparison import Bools, SequenceOutcomes, pair
-from pipeline.core.statistics import holm, mcnemar_p_value, paired_rise_limit
+from pipeline.core.statistics import holm, paired_rise_limit
 
 Measure = Literal["failures", "false activations"]
 """False activations are the failures of tests that ask not to brake."""
@@ -121,26 +121,21 @@ def limit_rises(
 ) -> tuple[RiseLimit, ...]:
     """Judge the rise of the failure rate on each part of the tests.
 
-    The significance tests of all parts and of the whole sequence are corrected together (Holm
-    1979), so that a version without a change is held back by chance with at most `policy.alpha`.
+    The significance tests of all parts are corrected together (Holm 1979), so that chance finds a
+    difference in any part with a probability of at most `policy.alpha`.
     """
     allowed = policy.margin * base.rate
-    whole = Part("the whole sequence", "failures", np.ones(len(base.valid), bool))
-    counts, p_values = [], []
-    for part in (whole, *parts):
-        difference = pair(base.at(part.rows), version.at(part.rows))
-        fixes, regressions = int(difference.fixed.sum()), int(difference.regressed.sum())
-        counts.append((difference.tests, fixes, regressions))
-        p_values.append(mcnemar_p_value(fixes, regressions))
-    differs = holm(p_values, policy.alpha)
+    differences = [pair(base.at(part.rows), version.at(part.rows)) for part in parts]
+    differs = holm([difference.p_value for difference in differences], policy.alpha)
     limits = []
-    for number, part in enumerate(parts, 1):
-        tests, fixes, regressions = counts[number]
+    for part, difference, significant in zip(parts, differences, differs, strict=True):
+        tests = difference.tests
+        fixes, regressions = int(difference.fixed.sum()), int(difference.regressed.sum())
         limit = paired_rise_limit(regressions, fixes, tests, policy.confidence)
         judgement = judge_limit(limit, tests, allowed, policy.confidence)
-        if differs[number] and regressions > fixes:
+        if significant and regressions > fixes:
             judgement = "significantly worse"
-        counted = (tests, fixes, regressions, p_values[number])
+        counted = (tests, fixes, regressions, difference.p_value)
         limits.append(RiseLimit(part.name, part.measure, *counted, limit, judgement))
     return tuple(limits)
 

@@ -62,8 +62,8 @@ LIMITS = _prose("""
     like these. The gate holds a version back above {allowed:.3g} points, {margin:g} of the failure
     rate of {base}. It also does if the version is significantly worse there (exact McNemar test
     with Holm's correction for all scenarios and groups). Too small: even without any difference, so
-    few tests could not show a rise within the margin. Such scenarios and groups hold
-    no version back. Groups pool the scenarios and overlap.
+    few tests could not show a rise within the margin. Such scenarios and groups hold no version
+    back. Groups pool the scenarios and overlap.
 """)
 PAIRS = _prose("""
     Fixes: tests that the version passes and the other one ("against") fails. Regressions: the

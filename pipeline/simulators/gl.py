@@ -182,16 +182,15 @@ def _remembered(backend: str) -> object:
 
 def _circumstances(backend: str) -> dict[str, object]:
     """What decides whether a backend works: variables, libraries, devices and packages."""
-    variables = {}
-    for name in (*VARIABLES, "LD_LIBRARY_PATH", "CUDA_VISIBLE_DEVICES"):
+    # OpenCV adds a folder that its wheel does not have; what is not there changes nothing.
+    folders = os.environ.get("LD_LIBRARY_PATH", "").split(":")
+    variables = {"LD_LIBRARY_PATH": ":".join(filter(os.path.isdir, folders))}
+    for name in (*VARIABLES, "CUDA_VISIBLE_DEVICES"):
         if name in os.environ:
             variables[name] = os.environ[name]
     # MuJoCo sets this one to its backend, and the processes that it starts inherit it.
     if variables.get("PYOPENGL_PLATFORM") == backend:
         del variables["PYOPENGL_PLATFORM"]
-    # OpenCV adds a folder that its wheel does not have; what is not there changes nothing.
-    folders = variables.pop("LD_LIBRARY_PATH", "").split(":")
-    variables["LD_LIBRARY_PATH"] = ":".join(filter(os.path.isdir, folders))
     versions = {}
     for name in ("mujoco", *IMPORTED_LATER):
         with contextlib.suppress(PackageNotFoundError):

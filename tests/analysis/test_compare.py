@@ -194,11 +194,11 @@ def test_significance_is_corrected_for_the_number_of_groups() -> None:
     groups = {f"g{number}": alone for number in range(10)}
     judgements = {limit.judgement for limit in compared_on(sequence, **groups).versions[1].limits}
     assert judgements == {"within the margin"}
-    seven = scenarios(
+    nine = scenarios(
         F1star={"base": "c" * 300 + "." * 300, "adaptive": "." * 600},
         F2star={"base": "." * 300, "adaptive": "c" * 9 + "." * 291},
     )
-    limit = compared_on(seven, **groups).versions[1].limits[1]
+    limit = compared_on(nine, **groups).versions[1].limits[1]
     assert limit.judgement == "significantly worse" and limit.p_value == pytest.approx(2 / 512)
 
 

@@ -105,6 +105,8 @@ CONDITIONS: list[tuple[str, Any, Any]] = [
     ("lanes", "[2 .. 3]", lambda p: 2 <= p["lanes"] <= 3),
     ("rain", ">= light", lambda p: p["rain"] != "dry"),
     ("rain", "< heavy", lambda p: p["rain"] != "heavy"),
+    ("rain", "<heavy", lambda p: p["rain"] != "heavy"),
+    ("rain", ">=light", lambda p: p["rain"] != "dry"),
     ("rain_rate", "> 0.1 mm/h", lambda p: p["rain"] != "dry"),
     ("rain_rate", "[0.1 .. 2.5] mm/h", lambda p: p["rain"] == "light"),
     ("wind_speed", "< 36 km/h", lambda p: p["wind_speed"] < 10),
