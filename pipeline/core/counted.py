@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betaincinv
 
 Bools = NDArray[np.bool_]
 
@@ -40,9 +41,7 @@ class Counted:
 
     def interval(self, confidence: float) -> tuple[float, float]:
         """Exact interval of the failure rate, (0, 1) without tests (Clopper & Pearson 1934)."""
-        from scipy.stats import beta
-
         tail, passed = (1 - confidence) / 2, self.tests - self.failures
-        low = float(beta.ppf(tail, self.failures, passed + 1)) if self.failures else 0.0
-        high = float(beta.ppf(1 - tail, self.failures + 1, passed)) if passed else 1.0
+        low = float(betaincinv(self.failures, passed + 1, tail)) if self.failures else 0.0
+        high = float(betaincinv(self.failures + 1, passed, 1 - tail)) if passed else 1.0
         return low, high

@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri, stdtrit
 
 TOLERANCE = 1e-9
 """Rounding errors of sums that count as equal."""
-
-
-def _distributions() -> Any:
-    """SciPy's, imported late: that takes most of a second, and planning a study needs none."""
-    from scipy import stats
-
-    return stats
 
 
 @dataclass(frozen=True)
@@ -59,7 +52,7 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     _check_confidence(confidence)
     if trials == 0:
         return 0.0, 1.0
-    z2 = float(_distributions().norm.ppf((1 + confidence) / 2)) ** 2
+    z2 = float(ndtri((1 + confidence) / 2)) ** 2
     share = successes / trials
     centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
     half = np.sqrt(z2 * (share * (1 - share) / trials + z2 / (4 * trials**2))) / (1 + z2 / trials)
@@ -105,7 +98,7 @@ def mean_interval(
     if len(sample) == 1:
         return mean, mean
     spread = max(sample.std(ddof=1), least_spread)
-    quantile = _distributions().t.ppf((1 + confidence) / 2, len(sample) - 1)
+    quantile = stdtrit(len(sample) - 1, (1 + confidence) / 2)
     half = float(quantile * spread / np.sqrt(len(sample)))
     return max(mean - half, limits[0]), min(mean + half, limits[1])
 
@@ -174,7 +167,8 @@ def censored_mean(
 
 def _area(values: NDArray[np.float64], exact: NDArray[np.bool_], limit: float) -> float:
     """Area under the Kaplan-Meier curve from 0 to a limit that no value exceeds."""
-    stats = _distributions()
+    from scipy import stats  # Imported late: that takes most of a second.
+
     curve = stats.ecdf(stats.CensoredData(uncensored=values[exact], right=values[~exact])).sf
     return float(np.diff([0.0, *curve.quantiles, limit]) @ [1.0, *curve.probabilities])
 
@@ -215,8 +209,10 @@ def mcnemar_p_value(fixes: int, regressions: int) -> float:
     >>> mcnemar_p_value(5, 0)
     0.0625
     """
+    from scipy import stats  # Imported late: that takes most of a second.
+
     discordant = fixes + regressions
-    return float(_distributions().binomtest(fixes, discordant).pvalue) if discordant else 1.0
+    return float(stats.binomtest(fixes, discordant).pvalue) if discordant else 1.0
 
 
 def holm(p_values: Sequence[float], alpha: float) -> list[bool]:
@@ -267,7 +263,7 @@ def paired_rise_limit(regressions: int, fixes: int, tests: int, confidence: floa
     _check_confidence(confidence)
     if tests == 0:
         return 1.0
-    z = float(_distributions().norm.ppf(confidence))
+    z = float(ndtri(confidence))
     low, high = -1.0, 1.0
     # The score falls as the rise grows. 60 halvings leave an interval of less than 1e-17.
     for _ in range(60):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import floor, log10
 
 import numpy as np
-from scipy import optimize, special, stats
+from scipy import optimize, special
 
 from pipeline.core.counted import Counted
 from pipeline.core.space import Floats
@@ -138,7 +138,9 @@ def spread(value: float, effective: float) -> Limits:
     (0.0082, 0.0122)
     """
     error, freedom = 1 / np.sqrt(effective), max(effective - 1, 1.0)
-    reach, one_sided = (float(stats.t.ppf(1 - tail, freedom)) * error for tail in (TAIL, 2 * TAIL))
+    reach, one_sided = (
+        float(special.stdtrit(freedom, 1 - tail)) * error for tail in (TAIL, 2 * TAIL)
+    )
     return Limits(*(float(min(1.0, value * np.exp(by))) for by in (-reach, reach, one_sided)))
 
 
@@ -161,7 +163,8 @@ def bounded(weights: Floats, largest: float, tests: float) -> Limits:
     most = largest / tests
 
     def quantile(share: float, mean: float, spread: float) -> float:
-        return float(min(1.0, spread / (2 * mean) * stats.chi2.ppf(share, 2 * mean**2 / spread)))
+        chi_squared = 2 * special.gammaincinv(mean**2 / spread, share)
+        return float(min(1.0, spread / (2 * mean) * chi_squared))
 
     low = quantile(TAIL, value, variance) if value > 0 else 0.0
     shifted = (value + most, variance + most**2)
