@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import chdir
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from pipeline.errors import InputError
 from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
 from tests.onnx_models import export, yolov8
 from tests.studies import ROOT, fill_cache
+from tests.warm_python import warm_python
 
 SMALL = [
     "campaign.tests=6",
@@ -49,6 +51,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     fill_cache(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setattr(sys, "executable", str(warm_python()))
     return tmp_path
 
 
