@@ -21,7 +21,8 @@ own_path = [entry for entry in sys.path if entry not in os.environ.get("PYTHONPA
 for name in sys.argv[2:]:
     importlib.import_module(name)
 # Forks of a process with threads may hang; jemalloc, Arrow's allocator, takes care of its own.
-threads = [open(f"/proc/self/task/{number}/comm").read() for number in os.listdir("/proc/self/task")]
+tasks = "/proc/self/task/"
+threads = [open(f"{tasks}{number}/comm").read() for number in os.listdir(tasks)]
 assert len([name for name in threads if "jemalloc" not in name]) == 1, threads
 listener = socket.socket(socket.AF_UNIX)
 listener.bind(sys.argv[1] + "/socket")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +29,7 @@ NOBODY = FIRST_RANDOM - 1
 
 def compose(study: str, overrides: Sequence[str]) -> Config:
     """Compose a study from conf/ with Hydra's overrides and check it."""
-    from hydra import compose as hydra_compose
-    from hydra import initialize_config_dir
     from hydra.errors import HydraException
-    from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
     check_study(study)
@@ -41,37 +39,44 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
                 f"{word} changes nothing, because an override only adds keys; "
                 f"~{word[:-3]}.KEY removes one"
             )
-    samplers = [f"+sampler@samplers.{name}={name}" for name in _choices("sampler")]
-    with initialize_config_dir(str(CONF), version_base="1.3"):
 
-        def composed(words: Sequence[str], scenarios: Sequence[str] = ()) -> Any:
-            # The study comes after strategies and scenarios, because it may change them.
-            all_words = [*samplers, *scenarios, f"+study={study}", *words]
-            return OmegaConf.to_container(
-                hydra_compose("config", overrides=all_words), resolve=True, throw_on_missing=True
-            )
+    def composed(words: Sequence[str]) -> Any:
+        # The overrides of a study decide which scenarios it needs; the scenarios' own overrides
+        # come last, and the study comes after the scenarios, because it may change them.
+        chosen = [word for word in words if not word.lstrip("+~").startswith("scenario")]
+        scenarios = _scenarios(_composed(CONF, (f"+study={study}", *chosen)))
+        return _composed(CONF, (*scenarios, f"+study={study}", *words))
 
+    try:
+        plain = composed(overrides)
+    except InputError:
+        raise
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(_unreadable() or f"{CONF}: {error}") from error
+    # ValueError: a number for a file, as in `camera=640`.
+    except (HydraException, OmegaConfBaseException, ValueError) as error:
         try:
-            # The overrides of a study decide which scenarios it needs; the scenarios' own
-            # overrides come last.
-            chosen = [word for word in overrides if not word.lstrip("+~").startswith("scenario")]
-            plain = composed(overrides, _scenarios(composed(chosen)))
-        except InputError:
-            raise
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise InputError(_unreadable() or f"{CONF}: {error}") from error
-        # ValueError: a number for a file, as in `camera=640`.
-        except (HydraException, OmegaConfBaseException, ValueError) as error:
-            try:
-                shipped = composed([], _scenarios(composed([])))
-            except (HydraException, OmegaConfBaseException, ValueError) as fault:
-                first_line = str(fault).splitlines()[0]
-                raise InputError(f"conf/study/{study}.yaml: {first_line}") from fault
-            problem = _override_message(shipped, overrides)
-            raise InputError(problem or f"overrides: {str(error).splitlines()[0]}") from error
+            shipped = composed([])
+        except (HydraException, OmegaConfBaseException, ValueError) as fault:
+            first_line = str(fault).splitlines()[0]
+            raise InputError(f"conf/study/{study}.yaml: {first_line}") from fault
+        problem = _override_message(shipped, overrides)
+        raise InputError(problem or f"overrides: {str(error).splitlines()[0]}") from error
     config = validate(plain, "conf/")
     check_components(config)
     return config
+
+
+@cache
+def _composed(folder: Path, words: tuple[str, ...]) -> Any:
+    """conf/ composed by Hydra, as plain values; remembered, because that takes half a second."""
+    from hydra import compose, initialize_config_dir
+    from omegaconf import OmegaConf
+
+    samplers = [f"+sampler@samplers.{name}={name}" for name in _choices("sampler")]
+    with initialize_config_dir(str(folder), version_base="1.3"):
+        config = compose("config", overrides=[*samplers, *words])
+        return OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
 
 
 def check_study(name: str) -> None:

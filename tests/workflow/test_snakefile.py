@@ -28,8 +28,8 @@ from pipeline.workflow.jobs import Jobs, Target, flat, step_names
 from pipeline.workflow.plan import Plan
 from pipeline.workflow.staleness import Staleness
 from pipeline.workflow.stamping import Stamps
-from tests.warm_python import snakemake
 from tests.studies import ROOT, fill_cache
+from tests.warm_python import snakemake
 
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
 CAMPAIGN = {
