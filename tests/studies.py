@@ -14,11 +14,14 @@ from pathlib import Path
 from pipeline.__main__ import main
 from pipeline.config.composing import compose, dump
 from pipeline.config.schema import Config
+from pipeline.execution.worker import CONTEXT
 from pipeline.simulators import gl
 from pipeline.sources import STORED, source_digests
 from pipeline.workflow.jobs import step_names
 
 ROOT = Path(__file__).resolve().parents[1]
+# The server of the workers serves all campaigns of the tests: let it import PyTorch once, too.
+CONTEXT.set_forkserver_preload(["pipeline.execution.worker_server", "torch"])
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,12 @@ from threadpoolctl import threadpool_limits
 
 from pipeline.config.sections import Limits
 from pipeline.errors import InputError, explained
+from pipeline.execution.one_thread import ONE_THREAD
 
-# Spawned, because a forked child hangs if its parent has a GL context.
-CONTEXT = multiprocessing.get_context("spawn")
+# Workers are forks of a server process, which imports what they share once. It is no fork of its
+# parent, because a forked child hangs if its parent has a GL context.
+CONTEXT = multiprocessing.get_context("forkserver")
+CONTEXT.set_forkserver_preload(["pipeline.execution.worker_server"])
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 SIGNALS = {number.value: number.name for number in signal.Signals}
 START_S = 600.0
@@ -69,7 +72,7 @@ class Worker(Generic[Task, Result]):
         self._calls = CONTEXT.RawValue(Calls, 0)
         self.connection, child_end = CONTEXT.Pipe()
         self._process = CONTEXT.Process(
-            target=_serve, args=(make, child_end, self._calls, os.getpid())
+            target=_serve, args=(make, child_end, self._calls, dict(os.environ))
         )
         self._process.start()
         child_end.close()
@@ -165,14 +168,19 @@ def _resident_mb(pid: int | None) -> float:
         return 0.0
 
 
-def _serve(make: Make[Task, Result], connection: Connection, calls: Calls, parent: int) -> None:
-    """Execute tasks until the parent is gone; runs in the worker process."""
+def _serve(
+    make: Make[Task, Result], connection: Connection, calls: Calls, environment: dict[str, str]
+) -> None:
+    """Execute tasks until the parent is gone; runs in the worker process.
+
+    environment: the parent's, which may have changed since the server started.
+    """
     # Ctrl-C reaches all processes; the parent ends its workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # With several threads, sums depend on their number; and the processes already share the cores.
-    os.environ.update(OMP_NUM_THREADS="1", OPENCV_FOR_THREADS_NUM="1", LP_NUM_THREADS="0")
+    os.environ.clear()
+    os.environ.update({**environment, **ONE_THREAD})
     threadpool_limits(1)
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     try:
         execute = make(calls)
         connection.send(None)
@@ -190,9 +198,9 @@ def _serve(make: Make[Task, Result], connection: Connection, calls: Calls, paren
             connection.send(type(explanation)(str(explanation)))
 
 
-def _end_with(parent: int) -> None:
-    """Exit when the parent is gone: a parent killed by kill -9 cannot end its workers."""
-    while os.getppid() == parent:
+def _end_with(server: int) -> None:
+    """Exit when the server is gone, which ends with its parent, also by kill -9."""
+    while os.getppid() == server:
         time.sleep(1)
     os._exit(1)
 

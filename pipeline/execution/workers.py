@@ -1,4 +1,4 @@
-"""Executes concrete scenarios in spawned worker processes.
+"""Executes concrete scenarios in worker processes.
 
 The results do not depend on the number of workers.
 """
