@@ -78,6 +78,7 @@ SMALL = {
             "base_set.images=40",
         ),
         *(
+            "simulator=analytic",
             "goal=detectors",
             "+tested.one=one.onnx",
             f"+tested.other={WEIGHTS}",
