@@ -101,12 +101,9 @@ class PointTable:
     def _read(self) -> Iterator[tuple[Ints, Bools]]:
         for batch in self._batches:
             try:
-                rows = np.column_stack(
-                    [
-                        column.categories(batch.column(column.variable.name))
-                        for column in self._meanings
-                    ]
-                )
+                rows = np.empty((batch.num_rows, len(self._meanings)), np.int64)
+                for place, column in enumerate(self._meanings):
+                    rows[:, place] = column.categories(batch.column(column.variable.name))
             except ValueError as error:
                 raise InputError(f"{self.path}: {error}") from error
             broken = broken_clauses(self._space.constraints, rows)

@@ -163,7 +163,7 @@ def _popcount(_context: Any, _word: Any) -> Any:
     return types.uint64(types.uint64), generate
 
 
-@njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, boundscheck=False)  # type: ignore[untyped-decorator]
 def _histogram(columns: Ints, sizes: Ints, chosen: Ints, counts: Ints) -> None:
     for row in range(columns.shape[1]):
         cell = 0
@@ -172,7 +172,7 @@ def _histogram(columns: Ints, sizes: Ints, chosen: Ints, counts: Ints) -> None:
         counts[cell] += 1
 
 
-@njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, boundscheck=False)  # type: ignore[untyped-decorator]
 def _bit_sets(rows: Ints, sizes: Ints, used: NDArray[np.bool_], first: Ints) -> Words:
     """Bit sets of every category but the last of each used condition, (sets, words)."""
     points = len(rows)
@@ -187,7 +187,7 @@ def _bit_sets(rows: Ints, sizes: Ints, used: NDArray[np.bool_], first: Ints) -> 
     return bits
 
 
-@njit(cache=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
 def _pairs(points: _Bits, cells: _Cells) -> None:
     """Add the counts of every wanted pair of conditions."""
     bits, first, sizes, all_points = points
@@ -226,7 +226,7 @@ def _pairs(points: _Bits, cells: _Cells) -> None:
             counts[at + last_i * columns + last_j] += corner
 
 
-@njit(cache=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
 def _triples(points: _Bits, inner: _Cells) -> None:
     """Add the counts of the cells without last categories of every wanted triple of conditions."""
     bits, first, sizes, _ = points
@@ -263,7 +263,7 @@ def _triples(points: _Bits, inner: _Cells) -> None:
                             counts[at + ab * vk + c] += np.int64(total)
 
 
-@njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, boundscheck=False)  # type: ignore[untyped-decorator]
 def _fill_triples(sizes: Ints, inner_cells: _Cells, pair_cells: _Cells, cells: _Cells) -> None:
     """All counts, from the counts without last categories and those of pairs."""
     inner_start, _, inner = inner_cells

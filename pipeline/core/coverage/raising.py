@@ -83,7 +83,7 @@ class RaisingPoints:
         return np.asarray(sums[np.searchsorted(np.concatenate(self._places), ends)], np.int64)
 
 
-@njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, boundscheck=False)  # type: ignore[untyped-decorator]
 def _mark(
     columns: Ints, sizes: Ints, chosen: Ints, start: Ints, rising: Ints, left: Ints, gains: Ints
 ) -> None:
