@@ -151,6 +151,11 @@ def _check_motion(world: World) -> None:
             "the ego must not become faster under a negative acceleration, nor drive backwards"
         )
     assert users == _observed(world), "advance and observe must report the same road users"
+    for _ in range(round(1 / world.step_s)):
+        driven = world.advance(world.step_s, 2.0)
+    assert driven.ego_speed_mps > users.ego_speed_mps, (
+        "the ego must become faster under a positive acceleration"
+    )
 
 
 def _observed(world: World) -> RoadUsers:

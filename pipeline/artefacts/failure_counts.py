@@ -44,6 +44,7 @@ class Causes(Result):
     """Failures by cause, see `pipeline.core.causes`."""
 
     never_seen: int = 0
+    lost_after_detection: int = 0
     too_late: int = 0
     box: int = 0
     confidence: int = 0

@@ -227,6 +227,17 @@ class Config(Section):
         return self
 
     @model_validator(mode="after")
+    def _brakes_for_what_is_judged(self) -> Config:
+        lowest = self.aeb.brakes_from
+        if lowest is None or lowest >= self.threshold or self.aeb.why_below_threshold:
+            return self
+        raise ValueError(
+            f"aeb.brakes_from: boxes brake from a score of {lowest:g} and are false positives from "
+            f"detector.threshold={self.threshold:g}; in the thesis both are one threshold: say in "
+            "aeb.why_below_threshold why they differ"
+        )
+
+    @model_validator(mode="after")
     def _goal_fits(self) -> Config:
         if self.goal == "detectors" and not self.tested:
             raise ValueError(
@@ -331,7 +342,7 @@ class Config(Section):
     @property
     def car(self) -> Car:
         """What turns the detector's report into motion."""
-        aeb = self.aeb.model_dump()
+        aeb = self.aeb.model_dump(exclude={"why_below_threshold"})
         if aeb["brakes_from"] is None:
             aeb["brakes_from"] = self.threshold
         return Car(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
-from pipeline.core.braking import GateKind, LawKind
+from pipeline.core.braking import CruiseKind, GateKind, LawKind
 from pipeline.core.names import check_name
 from pipeline.errors import shown
 from pipeline.scenarios.parts import MOST, STRICT, Seed
@@ -90,7 +90,7 @@ class Limits(Section):
 
 
 class VehicleSection(Section):
-    """The ego's brakes."""
+    """The ego's brakes and cruise control."""
 
     dry_friction: float = Field(gt=0, le=1.5)
     """Peak friction between tyre and dry road."""
@@ -101,6 +101,13 @@ class VehicleSection(Section):
     constants."""
     latency_s: float = Field(ge=0, le=2)
     """Time from a frame's exposure to the brake demand that it causes."""
+    cruise: CruiseKind
+    """While nothing asks to brake, `keep` keeps the present speed, as a driver's foot off the
+    pedals; `hold` returns to the set speed, as the thesis' ego does."""
+    acceleration_mps2: float = Field(gt=0, le=5)
+    """Highest acceleration of `hold`."""
+    jerk_mps3: float = Field(gt=0, le=10)
+    """Highest rise of that acceleration, per second."""
 
 
 class AebSection(Section):
@@ -115,6 +122,9 @@ class AebSection(Section):
     brakes_from: float | None = Field(ge=0, le=1)
     """Lowest score that brakes; null means the detector's own threshold; at 0.05, every stored
     detection brakes."""
+    why_below_threshold: str = ""
+    """Why the car may brake for boxes whose scores are too low for a false positive; needed where
+    `brakes_from` is below `detector.threshold`."""
     votes: int = Field(ge=1, le=20)
     """The brake acts if the newest frame asks for it, and at least this many of the last `window`
     frames do."""

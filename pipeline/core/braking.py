@@ -1,4 +1,4 @@
-"""How the ego brakes: the vehicle's dynamics, and its automatic emergency brake (AEB)."""
+"""How the ego drives: its dynamics, cruise control and automatic emergency brake (AEB)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,14 @@ EMERGENCY_MPS2 = 5.0
 No. 152, 5.2.1.2, asks for."""
 GateKind = Literal["truth", "detections"]
 LawKind = Literal["confidence", "threshold"]
+CruiseKind = Literal["keep", "hold"]
+CRUISE_S = 1.0
+"""Time in which the cruise control would make up for a difference in speed, without its limits."""
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """The ego's brakes.
+    """The ego's brakes and cruise control.
 
     Attributes:
         dry_friction: peak friction of tyre and dry road, in (0, 1.5].
@@ -31,12 +34,19 @@ class Vehicle:
         build_up_s: time constant of the first-order lag between demand and deceleration, in [0, 2];
             90 % is reached after 2.3 time constants.
         latency_s: from the exposure of a frame to the demand that it causes, in [0, 2].
+        cruise: what the ego does while nothing asks it to brake: `keep` its present speed, also
+            after braking, or `hold` the speed that it was set to, so that it accelerates again.
+        acceleration_mps2: highest acceleration of `hold`, in (0, 5].
+        jerk_mps3: highest rise of that acceleration, in (0, 10].
     """
 
     dry_friction: float
     wet_friction: float
     build_up_s: float
     latency_s: float
+    cruise: CruiseKind = "keep"
+    acceleration_mps2: float = 2.0
+    jerk_mps3: float = 2.5
 
     def __post_init__(self) -> None:
         for name in ("dry_friction", "wet_friction"):
@@ -45,6 +55,9 @@ class Vehicle:
         for name in ("build_up_s", "latency_s"):
             if not 0 <= getattr(self, name) <= 2:
                 raise ValueError(f"{name} must be in [0, 2] s, got {getattr(self, name)}")
+        for name, most in (("acceleration_mps2", 5), ("jerk_mps3", 10)):
+            if not 0 < getattr(self, name) <= most:
+                raise ValueError(f"{name} must be in (0, {most}], got {getattr(self, name)}")
 
     def full_brake_mps2(self, rain: float) -> float:
         """Deceleration under full demand: friction falls linearly until the road is fully wet.
@@ -64,6 +77,44 @@ class Vehicle:
         speed = np.asarray(speed_mps, dtype=float)
         delayed_m = speed * (self.latency_s + self.build_up_s)
         return np.asarray(delayed_m + speed**2 / (2 * self.full_brake_mps2(rain)))
+
+
+class CruiseControl:
+    """The cruise control during one test.
+
+    Args:
+        vehicle: its kind and limits.
+        set_mps: the speed that it was set to.
+
+    >>> car = Vehicle(0.8, 0.6, build_up_s=0, latency_s=0, cruise="hold")
+    >>> cruise = CruiseControl(car, set_mps=10)
+    >>> [round(cruise.demand(speed_mps=5, brake_mps2=0, seconds=0.4), 3) for _ in range(3)]
+    [1.0, 2.0, 2.0]
+    >>> cruise.demand(speed_mps=5, brake_mps2=3, seconds=0.4)
+    -3
+    """
+
+    def __init__(self, vehicle: Vehicle, set_mps: float) -> None:
+        self._vehicle, self._set_mps = vehicle, set_mps
+        self._acceleration = 0.0
+
+    def demand(self, speed_mps: float, brake_mps2: float, seconds: float) -> float:
+        """The acceleration that the car demands next, m/s².
+
+        Args:
+            speed_mps: of the ego.
+            brake_mps2: the deceleration that the emergency brake demands, at least 0. It overrules
+                the cruise control, which begins from no acceleration afterwards.
+            seconds: time for which the demand holds.
+        """
+        vehicle = self._vehicle
+        if brake_mps2 > 0 or vehicle.cruise == "keep":
+            self._acceleration = 0.0
+            return -brake_mps2
+        wanted = min((self._set_mps - speed_mps) / CRUISE_S, vehicle.acceleration_mps2)
+        rising = self._acceleration + vehicle.jerk_mps3 * seconds
+        self._acceleration = max(0.0, min(wanted, rising))
+        return self._acceleration
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ Cause = Literal[
     "none",
     "not_solvable",
     "never_seen",
+    "lost_after_detection",
     "too_late",
     "box",
     "confidence",
@@ -26,6 +27,8 @@ see `solvable`. false_positives, false_activation: as the failure mode. Otherwis
 
 - never_seen: in no frame does a reported detection touch the pedestrian, or one with a lower score
   fit it.
+- lost_after_detection: the brake acted, was released because the pedestrian was lost, and the ego
+  accelerated (thesis Fig. 7.6c).
 
 The others judge the frames that came in time, in which a person could see the pedestrian and no
 reported detection matched. The most frequent one counts, in equal numbers the first:
@@ -68,6 +71,9 @@ def cause(signals: Signals, failure_mode: str) -> Cause:
     overlap, weak = np.asarray(signals["overlap"]), np.asarray(signals["any_confidence"])
     if not ((overlap > TOUCH_IOU) | (weak > 0)).any():
         return "never_seen"
+    faster = np.diff(np.asarray(signals["ego_speed_mps"]), append=-np.inf) > 0
+    if (np.asarray(signals["lost"], dtype=bool) & faster).any():
+        return "lost_after_detection"
     unmatched = _in_time(signals) & (np.asarray(signals["confidence"]) == 0)
     low, badly = unmatched & (weak > 0), unmatched & (weak == 0) & (overlap > TOUCH_IOU)
     counts: dict[Cause, int] = {

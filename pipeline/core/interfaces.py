@@ -107,7 +107,8 @@ class World(Protocol):
         Args:
             seconds: `step_s`.
             acceleration_mps2: what the car demands of its drive and brakes, as on a dry road:
-                negative brakes, 0 keeps the speed. On a wet road the same brake gives less.
+                negative brakes, 0 keeps the speed, positive drives. On a wet road the same brake
+                gives less.
 
         Returns:
             The road users after that time.

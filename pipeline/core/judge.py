@@ -30,11 +30,13 @@ class Judged:
         matching: how the detections fit the pedestrian.
         brake: demand, 0 to 1.
         demand_mps2: the deceleration that it demands, as on a dry road, at least 0.
+        lost: whether an earlier frame braked, and this one does not.
     """
 
     matching: Matching = NOTHING
     brake: float = 0.0
     demand_mps2: float = 0.0
+    lost: bool = False
 
     def signals(self) -> dict[str, Any]:
         """The signals of the frame that depend on its detections, by name."""
@@ -42,6 +44,7 @@ class Judged:
         return {
             "brake": self.brake,
             "demand_mps2": self.demand_mps2,
+            "lost": self.lost,
             "confidence": matching.confidence,
             "any_confidence": matching.any_confidence,
             "overlap": matching.overlap,
@@ -57,6 +60,7 @@ class Judge:
 
     def __init__(self, car: Car) -> None:
         self._car, self._brake = car, EmergencyBrake(car.aeb)
+        self._has_braked = False
 
     def frame(self, detections: Detections, truth: Truth, in_path: NDArray[np.bool_]) -> Judged:
         """Judge the next frame.
@@ -72,4 +76,6 @@ class Judge:
         if car.aeb.gate == "truth":
             followed = np.array(matching.matches, bool)
         brake = self._brake.demand(detections, followed)
-        return Judged(matching, brake, brake * car.vehicle.full_brake_mps2(rain=0))
+        lost = self._has_braked and brake == 0
+        self._has_braked |= brake > 0
+        return Judged(matching, brake, brake * car.vehicle.full_brake_mps2(rain=0), lost)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pipeline.core.braking import CruiseControl
 from pipeline.core.car import Car
 from pipeline.core.encounter import Encounter, RoadUsers, Situation
 from pipeline.core.episode import Episode, Frame, FrameDetections, KeptFrame
@@ -65,6 +66,7 @@ def run_test(
     detected: list[FrameDetections] = []
     seen = world.observe()
     situation = encounter.situation(seen.users)
+    cruise = CruiseControl(car.vehicle, seen.users.ego_speed_mps)
     while True:
         frame = Frame(seen.image, seen.truth, seen.users.time_s)
         detections = detector.detect(frame)
@@ -77,7 +79,7 @@ def run_test(
         stopping_m = car.vehicle.stopping_distance(seen.users.ego_speed_mps, encounter.rain)
         steps.append(_step(seen.users, situation, float(stopping_m), seen.truth, judged))
         demands.put(seen.users.time_s, judged.demand_mps2)
-        users = _advance(world, encounter, seen.users, demands)
+        users = _advance(world, encounter, seen.users, demands, cruise)
         situation = encounter.situation(users)
         if situation.is_over:
             break
@@ -100,10 +102,14 @@ def seed_of(concrete: Mapping[str, Value]) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little")
 
 
-def _advance(world: World, encounter: Encounter, users: RoadUsers, demands: _Delayed) -> RoadUsers:
+def _advance(
+    world: World, encounter: Encounter, users: RoadUsers, demands: _Delayed, cruise: CruiseControl
+) -> RoadUsers:
     """Advance to the next frame, or to the contact."""
     for _ in range(round(world.frame_s / world.step_s)):
-        users = world.advance(world.step_s, -demands.at(users.time_s))
+        brake_mps2 = demands.at(users.time_s)
+        demand_mps2 = cruise.demand(users.ego_speed_mps, brake_mps2, world.step_s)
+        users = world.advance(world.step_s, demand_mps2)
         if encounter.gap_m(users) <= 0:
             break
     return users

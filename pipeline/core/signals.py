@@ -43,6 +43,7 @@ class TimeStep:
     )
     brake: float = column("brake demand that this frame causes, 0 to 1")
     demand_mps2: float = column("deceleration that the brake demands, as on a dry road", "m/s²")
+    lost: bool = column("whether an earlier frame braked, and this one does not")
     confidence: float = column(
         "score of the best reported detection on the pedestrian, 0 if there is none"
     )

@@ -11,6 +11,7 @@ from pipeline.report.formats import percent
 
 CAUSES = {
     "never_seen": "never seen",
+    "lost_after_detection": "lost after detection",
     "too_late": "too late",
     "box": "box disagrees",
     "confidence": "confidence too low",

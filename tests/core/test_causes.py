@@ -17,6 +17,8 @@ SIGNALS: dict[str, list[float]] = {
     "confidence": [0, 0, 0, 0],
     "any_confidence": [0, 0, 0, 0],
     "overlap": [0, 0, 0, 0],
+    "lost": [0, 0, 0, 0],
+    "ego_speed_mps": [10, 10, 10, 10],
 }
 
 
@@ -50,6 +52,17 @@ def signals(**changes: list[float]) -> dict[str, Any]:
                 "any_confidence": [0, 0.5, 0.5, 0.5],
             },
             "too_late",
+        ),
+        # Braked in the first frame; later it is lost, and the ego is faster at the end.
+        (
+            {
+                "confidence": [0.5, 0, 0, 0],
+                "overlap": [0.7, 0, 0, 0],
+                "any_confidence": [0.5, 0, 0, 0],
+                "lost": [0, 1, 1, 1],
+                "ego_speed_mps": [10, 8, 8, 9],
+            },
+            "lost_after_detection",
         ),
         ({"visible_pixels": [0, 0, 0, 90]}, "not_solvable"),
     ],

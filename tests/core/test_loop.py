@@ -135,3 +135,40 @@ def test_another_car_drives_otherwise() -> None:
     careful: Car = replace(CAR, aeb=replace(CAR.aeb, brakes_from=0.6))
     assert not run_test(Road(), Fixed(BOX, score=0.5), careful, {}).signals["brake"].any()
     assert run_test(Road(), Fixed(BOX, score=0.7), careful, {}).signals["brake"].any()
+
+
+class LosesIt(Fixed):
+    """Detects the pedestrian in the first five frames."""
+
+    def detect(self, frame: Frame) -> Detections:
+        return super().detect(frame) if frame.time_s < 0.45 else Detections.none()
+
+
+def test_seen_lost_accelerated_and_hit() -> None:
+    """The thesis' Fig. 7.6c: at 3.924 m/s² for half a second, the ego loses 1.962 of 10 m/s."""
+    ended = {}
+    for cruise in ("keep", "hold"):
+        world, car = Road(), replace(CAR, vehicle=replace(CAR.vehicle, cruise=cruise))
+        signals = run_test(world, LosesIt(BOX), car, {}).signals
+        assert signals["lost"].tolist() == [False] * 5 + [True] * (len(signals["lost"]) - 6) + [
+            False
+        ]
+        assert np.allclose(world.accelerations[:24], [0] * 4 + [-3.924] * 20)
+        assert signals["ego_speed_mps"][6] == pytest.approx(8.038)
+        if cruise == "keep":
+            assert set(world.accelerations[24:]) == {0}
+        else:  # 2.5 m/s³ in steps of 0.025 s, until 1 s at the acceleration would make up for it.
+            assert np.allclose(world.accelerations[24:44], np.arange(1, 21) * 0.0625)
+            assert max(world.accelerations) < 2 and signals["ego_speed_mps"].max() <= 10
+        ended[cruise] = kpi.evaluate(signals, 0.1)
+    assert {test.failure_mode for test in ended.values()} == {"contact"}
+    assert ended["keep"].impact_speed_mps == pytest.approx(8.038)
+    assert ended["hold"].impact_speed_mps > 9
+    assert (ended["keep"].cause, ended["hold"].cause) == ("too_late", "lost_after_detection")
+
+
+def test_braking_overrules_the_cruise_control() -> None:
+    car = replace(CAR, vehicle=replace(CAR.vehicle, cruise="hold"))
+    world = Road()
+    run_test(world, Fixed(BOX), car, {})
+    assert max(world.accelerations) == 0

@@ -51,7 +51,12 @@ SMALL = [
 NOISY = ["detector._target_=tests.workflow.test_rescore.Unsure"]
 LAWS = {
     "thesis": [],
-    "whole range, two of three": ["aeb.brakes_from=0.1", "aeb.votes=2", "aeb.window=3"],
+    "whole range, two of three": [
+        "aeb.brakes_from=0.1",
+        "aeb.why_below_threshold=a test",
+        "aeb.votes=2",
+        "aeb.window=3",
+    ],
     "path, threshold": ["aeb.gate=detections", "aeb.law=threshold", "campaign.match_iou=0.3"],
 }
 

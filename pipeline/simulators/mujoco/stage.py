@@ -72,7 +72,7 @@ class Stage:
         return float(self.data.qvel[self._travelled.dofadr[0]])
 
     def step(self, brake: float) -> None:
-        """Advance the ego by one timestep under a brake demand in [0, 1].
+        """Advance the ego by one timestep under a brake demand in [0, 1], or below 0 to drive.
 
         A negative speed is set to zero only after the step, so a stopped ego creeps back while the
         brake is held: 24 mm in 120 steps at 8 m/s2.

@@ -58,11 +58,12 @@ class MujocoWorld:
         self._shift_m = float(concrete["pedestrian_shift"])
         self._animation = str(concrete["animation"])
         rain = float(concrete["rain"])
+        self._full_brake_mps2 = self._vehicle.full_brake_mps2(rain)
         self._stage.reset(weather_of(concrete), str(concrete["blueprint"]))
         self._stage.launch(
             self._scenario.start_s(),
             self._scenario.ego.speed_kmh / 3.6,
-            self._vehicle.full_brake_mps2(rain),
+            self._full_brake_mps2,
             self._vehicle.build_up_s,
         )
         return self._scenario.encounter(rain)
@@ -84,8 +85,12 @@ class MujocoWorld:
 
     def advance(self, seconds: float, acceleration_mps2: float) -> RoadUsers:
         """Advance by one time step of MuJoCo; see `pipeline.protocols.World.advance`."""
-        # A brake demand is a score, which has single precision: this gives back the same number.
-        self._stage.step(float(np.float32(-acceleration_mps2 / self._vehicle.full_brake_mps2(0))))
+        if acceleration_mps2 > 0:  # The engine, unlike the brake, gives as much on a wet road.
+            demand = -acceleration_mps2 / self._full_brake_mps2
+        else:
+            # A brake demand is a score, with single precision: this gives back the same number.
+            demand = float(np.float32(-acceleration_mps2 / self._vehicle.full_brake_mps2(0)))
+        self._stage.step(demand)
         self._time_s = round(self._time_s + seconds, 9)
         return self._users()
 
