@@ -1,6 +1,6 @@
 """Base failure rates of F1 to F8 by threshold, and of a car that holds its speed.
 
-    python -m benchmarks.brake run        48 campaigns of 120 random tests, half an hour
+    python -m benchmarks.brake run        48 campaigns of 60 random tests, 40 minutes
     python -m benchmarks.brake keep       publish the campaigns that `run` executed
     python -m benchmarks.brake rates      failures by threshold
     python -m benchmarks.brake cruise     failures and KPI of both kinds of cruise control
@@ -27,7 +27,7 @@ PUBLISHED = RESULTS / "brake.csv"
 FOLDER = Path("data/brake")
 SCENARIOS = tuple(f"F{number}" for number in range(1, 9))
 THRESHOLDS = (0.8, 0.5, 0.25, 0.1, 0.05)
-TESTS = 120
+TESTS = 60
 SHARES = (0.05, 0.25, 0.5, 0.75, 1.0)
 """Quantiles of the KPI."""
 
