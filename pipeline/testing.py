@@ -55,7 +55,13 @@ def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4
         assert len(points) > 0 or history, "the first ask must return at least one point"
         if not len(points):  # The campaign ends.
             break
-        _check_points(points, space)
+        for column, variable in zip(points.T, space.variables, strict=True):
+            low, high = variable.low, variable.high
+            if variable.kind == "categorical":
+                low, high = 0, variable.size - 1
+            inside = np.isfinite(column).all() and (column >= low).all() and (column <= high).all()
+            assert inside, "ask must stay within the space"
+        assert space.violation(points) is None, "ask must keep the constraints"
         assert np.array_equal(points, sampler.ask()), (
             "ask twice without tell must give the same points"
         )
@@ -75,16 +81,6 @@ def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4
         assert np.array_equal(sampler.ask(), _told(factory(), errors).ask()), (
             "a sampler whose `learns` is False must ignore results"
         )
-
-
-def _check_points(points: Floats, space: Space) -> None:
-    for column, variable in zip(points.T, space.variables, strict=True):
-        low, high = variable.low, variable.high
-        if variable.kind == "categorical":
-            low, high = 0, variable.size - 1
-        inside = np.isfinite(column).all() and (column >= low).all() and (column <= high).all()
-        assert inside, "ask must stay within the space"
-    assert space.violation(points) is None, "ask must keep the constraints"
 
 
 def _told(sampler: Sampler, history: list[tuple[Floats, Floats]]) -> Sampler:

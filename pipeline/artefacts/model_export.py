@@ -56,22 +56,20 @@ def write_model(path: Path, space: Space, kind: str) -> list[str]:
     write, read = writers[kind]
     text = write(space)
     if read is not None:
-        _check(path, kind, space, read(text, str(path)))
+        back = read(text, str(path))
+        for variable, again in zip(space.variables, back.variables, strict=False):
+            if (variable.name, category_names(variable)) != (again.name, again.values):
+                raise InputError(
+                    f"{path}: {variable.name}: {kind} cannot write this name or its values "
+                    f"{', '.join(variable.labels)}"
+                )
+        if len(space) != len(back) or _meaning(space) != _meaning(back):
+            raise InputError(
+                f"{path}: {kind} cannot write this space, because the file would be read as "
+                "another one"
+            )
     write_bytes(path, text.encode())
     return _left_out(space, kind)
-
-
-def _check(path: Path, kind: str, space: Space, back: Space) -> None:
-    for variable, again in zip(space.variables, back.variables, strict=False):
-        if (variable.name, category_names(variable)) != (again.name, again.values):
-            raise InputError(
-                f"{path}: {variable.name}: {kind} cannot write this name or its values "
-                f"{', '.join(variable.labels)}"
-            )
-    if len(space) != len(back) or _meaning(space) != _meaning(back):
-        raise InputError(
-            f"{path}: {kind} cannot write this space, because the file would be read as another one"
-        )
 
 
 def _meaning(space: Space) -> frozenset[Clause]:

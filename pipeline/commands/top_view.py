@@ -90,7 +90,13 @@ def top_view(scenario: FunctionalScenario, speeds_mps: Sequence[float]) -> Figur
     """
     from pipeline.report.style import PAGE_INCHES, panels, styled
 
-    low, high = _extent(scenario, speeds_mps)
+    # Lowest and highest corner of the picture: both from start to horizon, with a margin.
+    times = moments(scenario.ego.horizon_s)
+    poses = [ego_pose(scenario, time) for time in times]
+    if scenario.has_pedestrian:
+        poses += [scenario.pedestrian_pose(time, speed) for time in times for speed in speeds_mps]
+    places = np.array([(pose.x, pose.y) for pose in poses])
+    low, high = places.min(axis=0) - MARGIN_M, places.max(axis=0) + MARGIN_M
     width, height = high - low
     columns = 1 if width > 1.3 * height else len(speeds_mps)
     inches = PAGE_INCHES / columns
@@ -126,16 +132,6 @@ def moments(horizon_s: float) -> list[float]:
 def ego_pose(scenario: FunctionalScenario, time_s: float) -> Pose:
     """Pose of the unbraked ego's middle."""
     return scenario.ego.route().at(scenario.start_s() + scenario.ego.speed_kmh / 3.6 * time_s)
-
-
-def _extent(scenario: FunctionalScenario, speeds_mps: Sequence[float]) -> tuple[Points, Points]:
-    """Lowest and highest corner of the picture: both from start to horizon, with a margin."""
-    times = moments(scenario.ego.horizon_s)
-    poses = [ego_pose(scenario, time) for time in times]
-    if scenario.has_pedestrian:
-        poses += [scenario.pedestrian_pose(time, speed) for time in times for speed in speeds_mps]
-    places = np.array([(pose.x, pose.y) for pose in poses])
-    return places.min(axis=0) - MARGIN_M, places.max(axis=0) + MARGIN_M
 
 
 def _street_map(axes: Axes, town: Town) -> None:

@@ -114,7 +114,12 @@ def check_components(config: Config) -> None:
     component("simulator", WORLD, config.simulator)
     _check_scenarios(config)
     component("detector", DETECTOR, config.detector)
-    _check_threshold(config)
+    # A detector that takes a threshold gets it from the config, since the study judges by it.
+    detector = _class("detector._target_", DETECTOR, config.detector["_target_"])
+    if "threshold" in inspect.signature(detector).parameters and "threshold" not in config.detector:
+        raise InputError(
+            "key 'detector.threshold' is missing: the study judges and brakes by it, too"
+        )
     for name, section in config.samplers.items():
         scenarios = config.search[:1]
         if name in config.strategies:
@@ -190,15 +195,6 @@ def _check_scenarios(config: Config) -> None:
             config.space(scenario).sample(1, np.random.default_rng(0))
         except InputError as error:
             raise InputError(f"scenarios.{scenario}.{error}") from error
-
-
-def _check_threshold(config: Config) -> None:
-    """A detector that takes a threshold gets it from the config, since the study judges by it."""
-    detector = _class("detector._target_", DETECTOR, config.detector["_target_"])
-    if "threshold" in inspect.signature(detector).parameters and "threshold" not in config.detector:
-        raise InputError(
-            "key 'detector.threshold' is missing: the study judges and brakes by it, too"
-        )
 
 
 def _inside(variable: Variable, admitted: Admitted) -> bool:

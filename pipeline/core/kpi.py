@@ -159,6 +159,9 @@ def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
         first_s, first_m = (
             float(signals[name][first]) for name in ("time_s", "conflict_distance_m")
         )
+    # Speed lost between rows without a collision path
+    speed = np.asarray(signals["ego_speed_mps"], dtype=float)
+    off = ~np.asarray(signals["on_collision_path"], dtype=bool)
     return Kpi(
         adj_ttc_s=adjusted,
         ttc_s=shortest,
@@ -174,7 +177,7 @@ def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
         first_detection_m=first_m,
         false_activations=len(activations),
         false_activation_s=float(sum(activations)),
-        speed_loss_mps=_speed_loss(signals),
+        speed_loss_mps=float(np.sum(np.maximum(0, -np.diff(speed)), where=off[:-1] & off[1:])),
         missed_frames=int(np.sum(missed)),
         false_positives=false_positives,
         false_positives_per_frame=per_frame,
@@ -240,13 +243,6 @@ def _false_activations(signals: Signals) -> list[float]:
     times = np.append(signals["time_s"], signals["time_s"][-1])
     starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     return [float(seconds) for seconds in times[ends] - times[starts]]
-
-
-def _speed_loss(signals: Signals) -> float:
-    """Speed lost between rows without a collision path."""
-    speed = np.asarray(signals["ego_speed_mps"], dtype=float)
-    off = ~np.asarray(signals["on_collision_path"], dtype=bool)
-    return float(np.sum(np.maximum(0, -np.diff(speed)), where=off[:-1] & off[1:]))
 
 
 def _post_encroachment(signals: Signals) -> float:

@@ -100,7 +100,10 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
     shard_file = {
         "key": key,
         "sha256": images_sha256(out, records),
-        "records": [_plain(record) for record in records],
+        "records": [
+            {**vars(record), "truth": vars(record.truth), "attributes": dict(record.attributes)}
+            for record in records
+        ],
     }
     write_sealed(path, json.dumps(shard_file).encode())
     return records
@@ -120,10 +123,6 @@ def _finished(path: Path, key: Mapping[str, Any], out: Path) -> list[Record] | N
         return records if images_sha256(out, records) == done["sha256"] else None
     except (InputError, OSError):
         return None
-
-
-def _plain(record: Record) -> dict[str, Any]:
-    return {**vars(record), "truth": vars(record.truth), "attributes": dict(record.attributes)}
 
 
 def _record(plain: dict[str, Any]) -> Record:

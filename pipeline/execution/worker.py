@@ -193,9 +193,11 @@ def _serve(
     except Exception as error:
         explanation = explained(error)
         if explanation is None:
-            connection.send(RuntimeError(f"in a worker process:\n{traceback.format_exc()}"))
+            answer: Exception = RuntimeError(f"in a worker process:\n{traceback.format_exc()}")
         else:
-            connection.send(type(explanation)(str(explanation)))
+            answer = type(explanation)(str(explanation))
+        with suppress(BrokenPipeError):  # The parent was killed a moment ago.
+            connection.send(answer)
 
 
 def _end_with(server: int) -> None:

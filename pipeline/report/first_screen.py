@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from pipeline.artefacts.comparison_results import VersionResult
-from pipeline.core.episode import Episode, KeptFrame
+from pipeline.core.episode import Episode
 from pipeline.core.kpi import evaluate, running_adj_ttc
 from pipeline.core.space import Space, Value
 from pipeline.core.words import meanings
@@ -115,18 +115,17 @@ def draw_drive(episode: Episode) -> list[Pixels]:
     images = []
     for kept in episode.frames:
         view = draw_view(kept)
-        strip = _strip(episode, kept, float(adjusted[kept.step]), view.shape[1])
+        # A line above a view, where no controls cover it: time, speed, brake and adj. TTC.
+        adjusted_s = float(adjusted[kept.step])
+        width = view.shape[1]
+        strip: Pixels = np.full((STRIP_HEIGHT, width, 3), (32, 38, 46), np.uint8)
+        speed, brake = (
+            float(episode.signals[name][kept.step]) for name in ("ego_speed_mps", "brake")
+        )
+        remaining = "no collision path" if np.isnan(adjusted_s) else f"adj. TTC {adjusted_s:.1f} s"
+        driving = f"{speed:.1f} m/s    brake {100 * brake:.0f} %"
+        text = f"{kept.frame.time_s:.1f} s    {driving}    {remaining}"
+        font, white = cv2.FONT_HERSHEY_SIMPLEX, (255, 255, 255)
+        cv2.putText(strip, text, (14, 30), font, width / 1000, white, 1, cv2.LINE_AA)
         images.append(np.concatenate([strip, view]))
     return images
-
-
-def _strip(episode: Episode, kept: KeptFrame, adjusted_s: float, width: int) -> Pixels:
-    """A line above a view, where no controls cover it: time, speed, brake and adj. TTC."""
-    strip: Pixels = np.full((STRIP_HEIGHT, width, 3), (32, 38, 46), np.uint8)
-    speed, brake = (float(episode.signals[name][kept.step]) for name in ("ego_speed_mps", "brake"))
-    remaining = "no collision path" if np.isnan(adjusted_s) else f"adj. TTC {adjusted_s:.1f} s"
-    driving = f"{speed:.1f} m/s    brake {100 * brake:.0f} %"
-    text = f"{kept.frame.time_s:.1f} s    {driving}    {remaining}"
-    font, white = cv2.FONT_HERSHEY_SIMPLEX, (255, 255, 255)
-    cv2.putText(strip, text, (14, 30), font, width / 1000, white, 1, cv2.LINE_AA)
-    return strip

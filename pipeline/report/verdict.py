@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.artefacts.comparison_results import Comparison, GroupPair
@@ -235,19 +234,18 @@ def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     columns = [("group", "frequency", *searches, "named by regions", *held_out)]
     for group in comparison.planted:
         searched = (_share(group.searched.get(name)) for name in strategies)
-        regions = _by_scenario(group.regions) or "no rule"
+        # `F1: 1, 3; F2: 1` of `F1 region 1`, `F1 region 3` and `F2 region 1`
+        numbers: dict[str, list[str]] = {}
+        for region in group.regions:
+            scenario, _, number = region.partition(" region ")
+            numbers.setdefault(scenario, []).append(number)
+        regions = (
+            "; ".join(f"{scenario}: {', '.join(listed)}" for scenario, listed in numbers.items())
+            or "no rule"
+        )
         tested = (_share(group.held_out.get(name)) for name in versions)
         columns.append((group.group, f"{group.frequency:g}", *searched, regions, *tested))
     return list(zip(*columns, strict=True))
-
-
-def _by_scenario(regions: Sequence[str]) -> str:
-    """`F1: 1, 3; F2: 1` of `F1 region 1`, `F1 region 3` and `F2 region 1`."""
-    numbers: dict[str, list[str]] = {}
-    for region in regions:
-        scenario, _, number = region.partition(" region ")
-        numbers.setdefault(scenario, []).append(number)
-    return "; ".join(f"{scenario}: {', '.join(listed)}" for scenario, listed in numbers.items())
 
 
 def _share(count: Count | None) -> str:

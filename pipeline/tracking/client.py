@@ -48,7 +48,14 @@ def connect(store: Path) -> MlflowClient:
     # The store's migrations log a hundred lines on first use.
     logging.getLogger("alembic").setLevel(logging.WARNING)
     if address is None and not store.exists():
-        _make_store(store)
+        # Make an empty store under another name and rename it when it is whole
+        making = store.with_name(f".{store.name}.making")
+        store.parent.mkdir(parents=True, exist_ok=True)
+        making.unlink(missing_ok=True)
+        _client(f"sqlite:///{making.resolve()}").search_experiments(max_results=1)
+        with making.open("rb") as file:
+            os.fsync(file.fileno())
+        making.rename(store)
     return _client(address or f"sqlite:///{store.resolve()}")
 
 
@@ -56,20 +63,6 @@ def _client(uri: str) -> MlflowClient:
     from mlflow import MlflowClient
 
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
-
-
-def _make_store(store: Path) -> None:
-    """Make an empty store under another name and rename it when it is whole.
-
-    MLflow's migrations cannot resume after a kill.
-    """
-    making = store.with_name(f".{store.name}.making")
-    store.parent.mkdir(parents=True, exist_ok=True)
-    making.unlink(missing_ok=True)
-    _client(f"sqlite:///{making.resolve()}").search_experiments(max_results=1)
-    with making.open("rb") as file:
-        os.fsync(file.fileno())
-    making.rename(store)
 
 
 def _check_store(store: Path) -> None:

@@ -188,7 +188,11 @@ class Proposer:
         check_points(points, self._demand.constraints)
         missing = self.missing(points)
         if self._demand.k == 1 and not self._demand.extras and not self._constraints.clauses:
-            rows = self._each_condition_alone(missing)
+            # Each condition lists the categories that it wants, padded with its first category.
+            lists = np.split(missing, self._problem.first[1:])
+            rows = np.zeros((max(int(wanted.sum()) for wanted in lists), len(lists)), np.int64)
+            for condition, wanted in enumerate(lists):
+                rows[: int(wanted.sum()), condition] = np.repeat(np.arange(len(wanted)), wanted)
             return Completion(rows, len(rows))
         task = Task(self._constraints, self._problem, missing)
         programme = whole_programme(task)
@@ -222,14 +226,6 @@ class Proposer:
     def _one_by_one(self, points: Ints) -> Completion:
         rows = [proposal.categories for proposal in self.complete(points)]
         return Completion(np.vstack([points[:0], *rows]), self.fewest(points))
-
-    def _each_condition_alone(self, missing: Ints) -> Ints:
-        """Each condition lists the categories that it wants, padded with its first category."""
-        lists = np.split(missing, self._problem.first[1:])
-        rows = np.zeros((max(int(wanted.sum()) for wanted in lists), len(lists)), np.int64)
-        for condition, wanted in enumerate(lists):
-            rows[: int(wanted.sum()), condition] = np.repeat(np.arange(len(wanted)), wanted)
-        return rows
 
     def _worth(self, missing: Ints) -> Ints:
         return np.where(missing > 0, self._wanted if self._heavy_first else 1, 0)

@@ -138,12 +138,8 @@ class ForestSampler(BatchSampler):
     def _learn(self, inputs: Floats, kpi: Floats, rng: np.random.Generator) -> Chances:
         """The failure probability by each tree, joined with the linear model's, (trees, m)."""
         trees = tree_chances(inputs, kpi <= self.failure_threshold_s, self.trees, rng)
-        linear = self._linear(inputs, kpi)
+        linear = linear_chances(inputs, kpi, self.failure_threshold_s)
         return lambda others: joined(trees(others), linear(others))
-
-    def _linear(self, inputs: Floats, kpi: Floats) -> Chances:
-        """The probability (m,) that the KPI is at or below the threshold, by a linear model."""
-        return linear_chances(inputs, kpi, self.failure_threshold_s)
 
     def _inputs(self, points: Floats, campaign: int) -> Floats:
         """The models' inputs (n, f): features and, with earlier campaigns, the campaign one-hot."""

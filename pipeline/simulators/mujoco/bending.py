@@ -24,7 +24,13 @@ def bend(spec: mujoco.MjSpec, body: mujoco.MjsBody, street: Street) -> None:
             )
         else:
             heading = axis.at(float(geom.pos[0])).heading
-            geom.quat = _turned(heading, np.asarray(geom.quat, float))
+            # A rotation followed by a turn to the left about the vertical
+            quat = np.asarray(geom.quat, float)
+            result = np.empty(4)
+            mujoco.mju_mulQuat(
+                result, np.array([np.cos(heading / 2), 0, 0, np.sin(heading / 2)]), quat
+            )
+            geom.quat = result
             geom.pos = _bent(axis, np.asarray(geom.pos))
 
 
@@ -44,10 +50,3 @@ def _bent(axis: Piece, point: Floats) -> Floats:
     u, v, z = (float(value) for value in point)
     on = axis.at(u)
     return np.array([on.x - v * np.sin(on.heading), on.y + v * np.cos(on.heading), z])
-
-
-def _turned(heading: float, quat: Floats) -> Floats:
-    """A rotation followed by a turn to the left about the vertical."""
-    result = np.empty(4)
-    mujoco.mju_mulQuat(result, np.array([np.cos(heading / 2), 0, 0, np.sin(heading / 2)]), quat)
-    return result

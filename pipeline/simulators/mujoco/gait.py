@@ -75,26 +75,18 @@ def pose(animation: str, phase_rad: float, speed_mps: float, walker: Blueprint) 
     swing = min(1.0, speed_mps / STANDING_BELOW_MPS)
     reach = swing * float(np.arcsin(min(1.0, stride(speed_mps, walker) / (4 * leg_m))))
     angles = dict.fromkeys(JOINTS, 0.0)
-    drop = _legs(angles, phase_rad, reach)
+    # Each leg stands for half of the cycle, turning back evenly under the hips
+    drop = 0.0
+    for side, q in (("l", phase_rad), ("r", phase_rad + np.pi)):
+        angles[f"hip_{side}"] = -reach * float(2 / np.pi * np.arcsin(np.sin(q)))
+        angles[f"knee_{side}"] = 0.06 + 1.5 * reach * max(0.0, float(np.cos(q - 0.2))) ** 2
+        angles[f"ankle_{side}"] = -0.5 * (angles[f"hip_{side}"] + angles[f"knee_{side}"])
+        if np.cos(q) <= 0:
+            drop = -LEG_M * (1 - float(np.cos(angles[f"hip_{side}"])))
     _arms(angles, phase_rad, walker.arm_swing * reach)
     drop += _CHARACTERS[animation](angles, phase_rad, min(1.0, speed_mps / 1.6))
     angles["waist"] += walker.stoop
     return Posture(angles, drop)
-
-
-def _legs(a: dict[str, float], p: float, reach: float) -> float:
-    """Each leg stands for half of the cycle, turning back evenly under the hips.
-
-    In the other half it swings forward, bent.
-    """
-    drop = 0.0
-    for side, q in (("l", p), ("r", p + np.pi)):
-        a[f"hip_{side}"] = -reach * float(2 / np.pi * np.arcsin(np.sin(q)))
-        a[f"knee_{side}"] = 0.06 + 1.5 * reach * max(0.0, float(np.cos(q - 0.2))) ** 2
-        a[f"ankle_{side}"] = -0.5 * (a[f"hip_{side}"] + a[f"knee_{side}"])
-        if np.cos(q) <= 0:
-            drop = -LEG_M * (1 - float(np.cos(a[f"hip_{side}"])))
-    return drop
 
 
 def _arms(a: dict[str, float], p: float, swing: float) -> None:

@@ -49,7 +49,14 @@ def add(spec: mujoco.MjSpec) -> None:
     _head(torso)
     _umbrella(torso)
     for side, sign in (("l", 1), ("r", -1)):
-        _arm(torso, side, sign)
+        upper = torso.add_body(name=f"pedestrian_arm_{side}", pos=(0, 0.215 * sign, 0.43))
+        _hinge(upper, f"shoulder_{side}", (0, 1, 0))
+        _hinge(upper, f"spread_{side}", (1, 0, 0))
+        _capsule(upper, f"upper_arm_{side}", (0, 0, 0, 0, 0, -0.27), 0.052, "top")
+        lower = upper.add_body(name=f"pedestrian_forearm_{side}", pos=(0, 0, -0.29))
+        _hinge(lower, f"elbow_{side}", (0, 1, 0))
+        _capsule(lower, f"forearm_{side}", (0, 0, 0, 0, 0, -0.22), 0.043, "top")
+        _ellipsoid(lower, f"hand_{side}", (0.04, 0.03, 0.075), (0, 0, -0.3), "skin")
         _leg(root, side, sign)
 
 
@@ -89,17 +96,6 @@ def _umbrella(torso: mujoco.MjsBody) -> None:
         size=(0.012, 0, 0),
         material="metal",
     )
-
-
-def _arm(torso: mujoco.MjsBody, side: str, sign: int) -> None:
-    upper = torso.add_body(name=f"pedestrian_arm_{side}", pos=(0, 0.215 * sign, 0.43))
-    _hinge(upper, f"shoulder_{side}", (0, 1, 0))
-    _hinge(upper, f"spread_{side}", (1, 0, 0))
-    _capsule(upper, f"upper_arm_{side}", (0, 0, 0, 0, 0, -0.27), 0.052, "top")
-    lower = upper.add_body(name=f"pedestrian_forearm_{side}", pos=(0, 0, -0.29))
-    _hinge(lower, f"elbow_{side}", (0, 1, 0))
-    _capsule(lower, f"forearm_{side}", (0, 0, 0, 0, 0, -0.22), 0.043, "top")
-    _ellipsoid(lower, f"hand_{side}", (0.04, 0.03, 0.075), (0, 0, -0.3), "skin")
 
 
 def _leg(root: mujoco.MjsBody, side: str, sign: int) -> None:

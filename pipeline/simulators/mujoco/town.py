@@ -42,7 +42,10 @@ def add(spec: mujoco.MjSpec, town: Town) -> None:
     style = STYLES[town.style]
     _declare_surfaces(spec, style, rng)
     vegetation.declare_crowns(spec, style, rng)
-    _lawn(spec)
+    lawn, reach = Mesh(), END_X - START_X + 160
+    lawn.quad((START_X - 80, -120, LAWN_Z), (reach, 0, 0), (0, 240, 0), (0, 0, 96, 60), cell=20)
+    lawn.add_to(spec, "lawn")
+    place(spec.worldbody, "lawn", "grass")
     for street in streets(town):
         body = spec.worldbody.add_body(
             name=f"street_{street.name}",
@@ -83,13 +86,6 @@ def _declare_surfaces(spec: mujoco.MjSpec, style: Style, rng: np.random.Generato
     spec.add_material(name="metal", rgba=(0.33, 0.35, 0.36, 1), specular=0.4)
     spec.add_material(name="street_lamp", rgba=(0.9, 0.88, 0.78, 1))
     spec.add_material(name="window_light", rgba=(0.24, 0.29, 0.33, 1), specular=0.6)
-
-
-def _lawn(spec: mujoco.MjSpec) -> None:
-    lawn, reach = Mesh(), END_X - START_X + 160
-    lawn.quad((START_X - 80, -120, LAWN_Z), (reach, 0, 0), (0, 240, 0), (0, 0, 96, 60), cell=20)
-    lawn.add_to(spec, "lawn")
-    place(spec.worldbody, "lawn", "grass")
 
 
 @dataclass(frozen=True)
