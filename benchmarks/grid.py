@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.stats import kendalltau
 
 from benchmarks.shared import RESULTS, markdown, pack, unpack
 from pipeline.artefacts.folders import Folders
@@ -24,6 +25,7 @@ from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.schema import Config
 from pipeline.core.measures import c_measure, failure_sequence, kinds_of, pair_coverage
+from pipeline.core.statistics import mean_interval
 
 PUBLISHED = RESULTS / "grid.csv"
 THESIS = RESULTS / "grid-thesis.csv"
@@ -56,7 +58,7 @@ def main() -> None:
     theirs = pd.read_csv(THESIS).assign(saved=lambda table: table["saved"].map(saved_text))
     tables = TABLES if action == "answer" else dict(list(TABLES.items())[:1])
     parts = [f"{head}\n\n{table(campaigns, theirs, cell)}" for head, cell in tables.items()]
-    print("\n\n".join(parts))
+    print("\n\n".join([*parts, order(campaigns, theirs)]))
 
 
 def measured(config: Config, root: Path = Path()) -> pd.DataFrame:
@@ -124,6 +126,19 @@ def table(campaigns: pd.DataFrame, theirs: pd.DataFrame, cell: Cell) -> str:
         if any(cells):
             rows.append([f"`{strategy}`", *cells])
     return markdown(["strategy", *scenarios], rows)
+
+
+def order(campaigns: pd.DataFrame, theirs: pd.DataFrame) -> str:
+    """How well the order of the thesis' strategies by failures agrees: Kendall's tau-b."""
+    ours = campaigns.pivot(index="strategy", columns="scenario", values="failures")
+    thesis = theirs.pivot(index="strategy", columns="scenario", values="failures")
+    taus = [kendalltau(ours.loc[thesis.index, name], thesis[name])[0] for name in ours.columns]
+    low, high = mean_interval(taus, limits=(-1, 1))
+    return (
+        f"Order of the thesis' {len(thesis)} strategies by failures: Kendall's τ "
+        f"{np.mean(taus):.2f} ({low:.2f} to {high:.2f}), mean of {len(taus)} scenarios with "
+        "Student's 95 % interval."
+    )
 
 
 TABLES: dict[str, Cell] = {

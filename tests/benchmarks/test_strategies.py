@@ -80,6 +80,9 @@ def test_the_grid_stands_beside_the_thesis() -> None:
     expected = [["3 / 24"], ["0.50 / 0.93"], ["2.0 / 2.2"], ["50.0 / 57.2"], ["1"]]
     assert cells("\n".join(tables), "evolutionary") == expected
     assert cells(tables[1], "random") == [] and cells(tables[1], "forest") == [["n/a"]]
+    assert "thesis' 2 strategies by failures: Kendall's τ 1.00 (" in grid.order(campaigns, theirs)
+    theirs["failures"] = [0, 5]
+    assert "τ -1.00 (" in grid.order(campaigns, theirs)
 
 
 def test_campaigns_of_a_study_are_measured(tmp_path: Path) -> None:
