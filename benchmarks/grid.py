@@ -34,6 +34,7 @@ STRATEGIES = (
     "random",
     "pairwise",
     "evolutionary",
+    "evolutionary_300",
     "linear",
     "network",
     "gaussian_process",

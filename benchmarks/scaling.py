@@ -57,8 +57,6 @@ PLANNED, SUBMITTED = (100, 1000, 10_000), 200
 SIMULATED = (1, 2, 16, 100, 1000, 10_000)
 AT_A_TIME, SHARDED = (1, 2, 4, 8, 16), 16
 """Jobs that SLURM may run at a time, and the shards of the campaign that they share."""
-GRID, GRID_TESTS, GRID_CORES, BATCH = 56, 1000, (2, 16, 56, 1120), 20
-"""The thesis' grid: campaigns, tests of each, simulated cores, tests that run side by side."""
 PRICE = 0.05
 """An assumption: price of a core for an hour."""
 Figures = dict[tuple[str, str], float]
@@ -395,23 +393,13 @@ def by_jobs(figures: Mapping[str, Figures]) -> str:
 
 
 def by_cluster(figures: Mapping[str, Figures]) -> str:
-    """Simulated: one campaign in shards, a core each; and the thesis' grid, a job a campaign."""
+    """Simulated: one campaign in shards, a core each."""
     costs, names = Costs.of(figures), ("minutes", "core hours", f"cost at {PRICE} an hour")
     campaigns = []
     for count in SIMULATED:
         spent_s = (count + (count > 1)) * costs.job + CAMPAIGN * costs.test
         campaigns.append(priced(count, costs.campaign(CAMPAIGN, count, count), spent_s))
-    grids = []
-    for cores in GRID_CORES:
-        threads = min(BATCH, max(1, cores // GRID))
-        alone = costs.job + GRID_TESTS * costs.test / threads
-        wall = costs.planning + GRID * costs.start + -(-GRID // min(cores, GRID)) * alone
-        grids.append(priced(cores, wall, GRID * alone * threads))
-    parts = [
-        markdown(("campaign of 10,000 tests, shards", *names), campaigns),
-        markdown(("thesis' grid of 56,000 tests, cores", *names), grids),
-    ]
-    return "\n\n".join(parts)
+    return markdown(("campaign of 10,000 tests, shards", *names), campaigns)
 
 
 def priced(case: int, wall_s: float, core_s: float) -> list[str]:
@@ -421,10 +409,10 @@ def priced(case: int, wall_s: float, core_s: float) -> list[str]:
 
 
 def by_steps(figures: Figures) -> str:
-    """The steps by memory, beside what the profile reserves on a cluster for the first attempt."""
+    """The largest steps by memory, beside what the profile reserves for the first attempt."""
     profile = yaml.safe_load(PROFILE.read_text())
     rows = []
-    for step in sorted({step for step, _ in figures}, key=lambda step: -figures[step, "mb"]):
+    for step in sorted({step for step, _ in figures}, key=lambda step: -figures[step, "mb"])[:6]:
         values = [f"{figures[step, name]:.0f}" for name in ("jobs", "s", "mb")]
         resources = profile["set-resources"].get(step, profile["default-resources"])
         rows.append([f"`{step}`", *values, resources["mem_mb"].split(" ")[0]])

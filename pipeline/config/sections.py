@@ -102,8 +102,8 @@ class VehicleSection(Section):
     latency_s: float = Field(ge=0, le=2)
     """Time from a frame's exposure to the brake demand that it causes."""
     cruise: CruiseKind
-    """While nothing asks to brake, `keep` keeps the present speed, as a driver's foot off the
-    pedals; `hold` returns to the set speed, as the thesis' ego does."""
+    """While nothing asks to brake, `keep` keeps the present speed; `hold` returns to the first one,
+    as in the thesis."""
     acceleration_mps2: float = Field(gt=0, le=5)
     """Highest acceleration of `hold`."""
     jerk_mps3: float = Field(gt=0, le=10)
@@ -123,8 +123,8 @@ class AebSection(Section):
     """Lowest score that brakes; null means the detector's own threshold; at 0.05, every stored
     detection brakes."""
     why_below_threshold: str = ""
-    """Why the car may brake for boxes whose scores are too low for a false positive; needed where
-    `brakes_from` is below `detector.threshold`."""
+    """The reason, where `brakes_from` is below `detector.threshold`: such boxes brake, and are no
+    false positives."""
     votes: int = Field(ge=1, le=20)
     """The brake acts if the newest frame asks for it, and at least this many of the last `window`
     frames do."""
