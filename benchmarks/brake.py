@@ -95,29 +95,25 @@ def rates(published: pd.DataFrame) -> str:
         counts = failures.loc[threshold]
         tests = int(held.loc[held["threshold"] == threshold, "tests"].sum())
         low, high = wilson_interval(int(counts.sum()), tests)
-        rate = f"{counts.sum() / tests:.1%} ({low:.1%} to {high:.1%})"
+        rate = f"{100 * counts.sum() / tests:.1f} ({100 * low:.1f} to {100 * high:.1f})"
         false = int(held.loc[held["threshold"] == threshold, "false_positives"].sum())
-        rows.append((threshold, *counts, rate.replace("%", " %"), false))
-    names = ("threshold", *SCENARIOS, "of all tests", "false positives alone")
+        rows.append((threshold, *counts, rate, false))
+    names = ("threshold", *SCENARIOS, "%", "false positives alone")
     return markdown(names, rows)
 
 
 def cruise(published: pd.DataFrame) -> str:
-    """Failures and KPI at the first threshold by kind of cruise control."""
+    """Failures of all scenarios, and quartiles of the KPI, at the first threshold."""
+    chosen = published[published["threshold"] == THRESHOLDS[0]]
     rows = []
-    for scenario in SCENARIOS:
-        row: list[str] = [scenario]
-        for kind in ("keep", "hold"):
-            chosen = (published["scenario"] == scenario) & (published["cruise"] == kind)
-            (test,) = published[chosen & (published["threshold"] == THRESHOLDS[0])].itertuples()
-            spread = " / ".join(f"{value:.2f}" for value in test[-len(SHARES) :])
-            row += [
-                f"{test.failures}, {test.lost}" if kind == "hold" else f"{test.failures}",
-                spread,
-            ]
+    for kind, tests in chosen.groupby("cruise", sort=False):
+        row = [f"`{kind}`", tests["failures"].sum(), tests["lost"].sum()]
+        for scenario in ("F2", "F8"):
+            (test,) = tests[tests["scenario"] == scenario].to_dict("records")
+            row.append("–".join(f"{test[f'kpi_{share:g}']:.2f}" for share in SHARES[1:4]))
         rows.append(row)
-    heads = ("scenario", "failures, keep", "KPI, keep", "failures, lost, hold", "KPI, hold")
-    return markdown(heads, rows)
+    heads = ("failures", "lost after detection", "KPI on F2, s", "KPI on F8, s")
+    return markdown(("cruise control", *heads), rows)
 
 
 if __name__ == "__main__":

@@ -289,19 +289,17 @@ def largest(studies: Studies) -> str:
     for seed in studies.outcomes:
         regions = studies.regions_of(seed)
         if regions.empty:
-            rows.append([seed, 0, "none", "–", "–", "–"])
+            rows.append([seed, 0, "none", "–"])
             continue
         region = regions.iloc[0]
         text = subject([RuleCondition.model_validate(c) for c in json.loads(region["conditions"])])
         named += any(group in text.lower() for group in PLANTED)
-        counts = region[["failures", "tests_inside", "failures_inside"]]
-        rows.append([seed, len(regions), text, *counts])
+        rows.append([seed, len(regions), text, region["failures"]])
     head = (
         "The largest region's sentence names a planted group, children or crouching people, in "
         f"{named} of {len(rows)} searches."
     )
     names = ["seed", "regions", "the largest, in words", "failures in it"]
-    names += ["tests inside its rule", "of them, failures"]
     return f"{fill(head, LINE)}\n\n{markdown(names, rows)}"
 
 
