@@ -31,7 +31,7 @@ from pipeline.scenarios.people import WORDS
 
 
 @dataclass(frozen=True)
-class Found:
+class GroupedRegion:
     """A region as the artefact stores it, and its group with the rule."""
 
     region: FailureRegion
@@ -46,7 +46,7 @@ class Found:
 
 def find_regions(
     info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions
-) -> list[Found]:
+) -> list[GroupedRegion]:
     """The failure regions of one scenario, larger ones first.
 
     Args:
@@ -60,7 +60,7 @@ def find_regions(
     regions = []
     for number, group in enumerate(groups, 1):
         region = _region(f"{info.label} region {number}", tests, outcomes, group)
-        regions.append(Found(region, group))
+        regions.append(GroupedRegion(region, group))
     return regions
 
 
@@ -77,7 +77,7 @@ def cluster(
 
 
 def regions_of(
-    info: ScenarioInfo, space: Space, tests: pd.DataFrame, grouped: Sequence[Found]
+    info: ScenarioInfo, space: Space, tests: pd.DataFrame, grouped: Sequence[GroupedRegion]
 ) -> FailureRegions:
     """The artefact of the regions that `find_regions` returns for the same tests."""
     failed, points = tests["failure"].to_numpy(bool), encode_tests(tests, space)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.analysis.failure_regions import Found
+from pipeline.analysis.failure_regions import GroupedRegion
 from pipeline.artefacts.region_results import Confirmation, FailureRegion, Fresh
 from pipeline.artefacts.results import Estimate
 from pipeline.core.confirmation import (
@@ -40,7 +40,7 @@ class FreshTests:
     tests: int
     confidence: float
 
-    def confirm(self, regions: Sequence[Found]) -> tuple[FailureRegion, ...]:
+    def confirm(self, regions: Sequence[GroupedRegion]) -> tuple[FailureRegion, ...]:
         """The regions with their confirmations.
 
         All rules together are confirmed with an error of at most 1 - confidence.
@@ -61,7 +61,7 @@ class FreshTests:
             for region, pair, holds in zip(regions, pairs, status, strict=True)
         )
 
-    def _drawn(self, region: Found) -> tuple[Floats, Floats]:
+    def _drawn(self, region: GroupedRegion) -> tuple[Floats, Floats]:
         """Points inside and just outside a rule.
 
         There are none of either if the constraints leave hardly any inside, so that the rule stays

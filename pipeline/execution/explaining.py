@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.analysis.failure_regions import Found
+from pipeline.analysis.failure_regions import GroupedRegion
 from pipeline.artefacts.points import concrete
 from pipeline.artefacts.tables import WHY
 from pipeline.core.grouping import Outcomes
@@ -59,7 +59,7 @@ class Counterfactuals:
     tests: int
 
     def chosen(
-        self, failure_region: Found, rows: pd.DataFrame, outcomes: Outcomes
+        self, failure_region: GroupedRegion, rows: pd.DataFrame, outcomes: Outcomes
     ) -> list[Failure]:
         """Draw failures of a region at random, without repeats.
 
@@ -78,7 +78,7 @@ class Counterfactuals:
 
     def planned(
         self,
-        failure_region: Found,
+        failure_region: GroupedRegion,
         failures: Sequence[Failure],
         outcomes: Outcomes,
         signals: Mapping[str, Signals],

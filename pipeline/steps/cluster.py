@@ -21,7 +21,7 @@ from pipeline.core.space import Space
 from pipeline.steps import campaign
 
 if TYPE_CHECKING:
-    from pipeline.analysis.failure_regions import Found
+    from pipeline.analysis.failure_regions import GroupedRegion
     from pipeline.core.signals import Signals
     from pipeline.execution.points import Executor
     from pipeline.scenarios.changes import Change
@@ -101,7 +101,7 @@ def _explained(
     job: Job,
     space: Space,
     tests: pd.DataFrame,
-    groups: Sequence[Found],
+    groups: Sequence[GroupedRegion],
     regions: Sequence[FailureRegion],
 ) -> tuple[tuple[FailureRegion, ...], pd.DataFrame]:
     """The regions with what the camera saw and what fixes them, and the rows behind both.

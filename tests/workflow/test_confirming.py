@@ -10,7 +10,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from pipeline.analysis.failure_regions import Found
+from pipeline.analysis.failure_regions import GroupedRegion
 from pipeline.artefacts.region_results import FailureRegion, FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
@@ -119,7 +119,11 @@ def confirm(
         0.95,
     )
     return fresh.confirm(
-        [Found(base_regions.regions[0], Group("mixed", np.zeros(0, bool), Rule((condition,))))]
+        [
+            GroupedRegion(
+                base_regions.regions[0], Group("mixed", np.zeros(0, bool), Rule((condition,)))
+            )
+        ]
     )
 
 
@@ -158,7 +162,7 @@ def test_a_rule_is_confirmed_at_the_confidence_of_the_study(confidence: float, s
     executor.outcomes.return_value = [
         Mock(is_error=False, kpi=Mock(return_value=Mock(failure=failure))) for failure in failures
     ]
-    group = Found(
+    group = GroupedRegion(
         world(9, 9).regions.regions[0], Group("box", np.zeros(0, bool), Rule((Condition(0, 2, 4),)))
     )
     (region,) = FreshTests(SMALL, executor, 0.1, 4, confidence).confirm([group])

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.analysis.failure_regions import Found, outcomes_of
+from pipeline.analysis.failure_regions import GroupedRegion, outcomes_of
 from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Repair
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import UNCHANGED
@@ -162,7 +162,7 @@ def test_no_failure_is_chosen_twice() -> None:
     region = tested.regions.regions[0].model_copy(
         update={"members": tuple(tested.tests["test_id"])}
     )
-    group = Found(region, Group("box", np.ones(8, bool), Rule(())))
+    group = GroupedRegion(region, Group("box", np.ones(8, bool), Rule(())))
     outcomes = outcomes_of(tested.space, tested.tests)
     chosen = explaining.Counterfactuals(executor, 0.1, FAILURES).chosen(
         group, tested.tests.set_index("test_id"), outcomes
