@@ -7,7 +7,9 @@ fork does so from the folder and the PYTHONPATH of its caller.
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -113,6 +115,7 @@ PACKAGES = [
 def warm_python() -> Path:
     """The program; its server ends with this process, which holds the other end of its input."""
     folder = Path(tempfile.mkdtemp(prefix="warm"))
+    atexit.register(shutil.rmtree, folder)
     program = folder / "python"
     program.write_text(CLIENT.format(python=sys.executable, folder=folder))
     program.chmod(0o755)

@@ -113,7 +113,7 @@ def choices(group: str, prefix: str) -> list[str]:
     """A section for each file of a folder of conf/: its class's docstring, parameters, values."""
     lines = []
     sections: dict[type, str] = {}
-    for path in sorted((CONF / group).glob("*.yaml")):
+    for path in sorted((CONF / group).glob("[!_]*.yaml")):
         body = yaml.safe_load(path.read_text())
         described = get_class(body["_target_"])
         text, meanings = documented(described)

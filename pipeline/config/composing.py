@@ -40,7 +40,7 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
                 f"~{word[:-3]}.KEY removes one"
             )
 
-    def composed(words: Sequence[str]) -> Any:
+    def with_scenarios(words: Sequence[str]) -> Any:
         # The overrides of a study decide which scenarios it needs; the scenarios' own overrides
         # come last, and the study comes after the scenarios, because it may change them.
         chosen = [word for word in words if not word.lstrip("+~").startswith("scenario")]
@@ -48,7 +48,7 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
         return _composed(CONF, (*scenarios, f"+study={study}", *words))
 
     try:
-        plain = composed(overrides)
+        plain = with_scenarios(overrides)
     except InputError:
         raise
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -56,7 +56,7 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     # ValueError: a number for a file, as in `camera=640`.
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         try:
-            shipped = composed([])
+            shipped = with_scenarios([])
         except (HydraException, OmegaConfBaseException, ValueError) as fault:
             first_line = str(fault).splitlines()[0]
             raise InputError(f"conf/study/{study}.yaml: {first_line}") from fault

@@ -159,7 +159,7 @@ def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
         first_s, first_m = (
             float(signals[name][first]) for name in ("time_s", "conflict_distance_m")
         )
-    # Speed lost between rows without a collision path
+    # Speed lost between rows without a collision path.
     speed = np.asarray(signals["ego_speed_mps"], dtype=float)
     off = ~np.asarray(signals["on_collision_path"], dtype=bool)
     return Kpi(

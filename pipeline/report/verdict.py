@@ -234,7 +234,7 @@ def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     columns = [("group", "frequency", *searches, "named by regions", *held_out)]
     for group in comparison.planted:
         searched = (_share(group.searched.get(name)) for name in strategies)
-        # `F1: 1, 3; F2: 1` of `F1 region 1`, `F1 region 3` and `F2 region 1`
+        # `F1: 1, 3; F2: 1` of `F1 region 1`, `F1 region 3` and `F2 region 1`.
         numbers: dict[str, list[str]] = {}
         for region in group.regions:
             scenario, _, number = region.partition(" region ")

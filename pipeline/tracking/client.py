@@ -48,7 +48,7 @@ def connect(store: Path) -> MlflowClient:
     # The store's migrations log a hundred lines on first use.
     logging.getLogger("alembic").setLevel(logging.WARNING)
     if address is None and not store.exists():
-        # Make an empty store under another name and rename it when it is whole
+        # MLflow's migrations cannot resume after a kill: the store gets its name once it is whole.
         making = store.with_name(f".{store.name}.making")
         store.parent.mkdir(parents=True, exist_ok=True)
         making.unlink(missing_ok=True)

@@ -505,4 +505,5 @@ def test_the_boxes_that_brake_are_those_that_are_judged() -> None:
     config = compose("default", ["aeb.brakes_from=0.05", "aeb.why_below_threshold=a second stage"])
     assert config.car.aeb.brakes_from == 0.05
     assert compose("thesis", []).car.aeb.brakes_from == 0.25
+    assert "threshold" not in compose("thesis", ["detector=oracle"]).detector
     assert compose("thesis", []).vehicle.cruise == "hold"

@@ -24,7 +24,7 @@ def bend(spec: mujoco.MjSpec, body: mujoco.MjsBody, street: Street) -> None:
             )
         else:
             heading = axis.at(float(geom.pos[0])).heading
-            # A rotation followed by a turn to the left about the vertical
+            # A rotation followed by a turn to the left about the vertical.
             quat = np.asarray(geom.quat, float)
             result = np.empty(4)
             mujoco.mju_mulQuat(

@@ -75,7 +75,8 @@ def pose(animation: str, phase_rad: float, speed_mps: float, walker: Blueprint) 
     swing = min(1.0, speed_mps / STANDING_BELOW_MPS)
     reach = swing * float(np.arcsin(min(1.0, stride(speed_mps, walker) / (4 * leg_m))))
     angles = dict.fromkeys(JOINTS, 0.0)
-    # Each leg stands for half of the cycle, turning back evenly under the hips
+    # Each leg stands for half of the cycle, turning back evenly under the hips. In the other half
+    # it swings forward, bent.
     drop = 0.0
     for side, q in (("l", phase_rad), ("r", phase_rad + np.pi)):
         angles[f"hip_{side}"] = -reach * float(2 / np.pi * np.arcsin(np.sin(q)))
